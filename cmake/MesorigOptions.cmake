@@ -1,0 +1,24 @@
+# Compiler flags that every target of the project gets.
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+set(CMAKE_CXX_FLAGS_RELEASE "-O2")  # assertions of MESORIG_CHECK stay in; NDEBUG would drop assert()
+
+set(MESORIG_SANITIZE "" CACHE STRING "sanitizers, e.g. address,undefined or thread")
+set(MESORIG_ARCH "x86-64-v3" CACHE STRING "-march: binaries must also run on another machine")
+
+add_compile_options(-march=${MESORIG_ARCH} -Wall -Wextra -Wshadow -Wconversion -Wno-sign-conversion)
+if(DEFINED ENV{CI})
+  add_compile_options(-Werror)
+endif()
+if(CMAKE_CXX_COMPILER_ID MATCHES Clang)
+  add_compile_options(-Wthread-safety)
+endif()
+if(MESORIG_SANITIZE)
+  add_compile_options(-fsanitize=${MESORIG_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all -g1)
+  add_link_options(-fsanitize=${MESORIG_SANITIZE})
+endif()
+
+# Same paths in every checkout: ccache hits across clones.
+add_compile_options(-ffile-prefix-map=${CMAKE_SOURCE_DIR}=.)

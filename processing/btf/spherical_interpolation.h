@@ -1,0 +1,45 @@
+#pragma once
+// Interpolation between measured directions on the upper hemisphere, on the sphere and never in
+// (theta, phi): the azimuth is meaningless at the pole.
+
+#include <array>
+#include <vector>
+
+#include "protocol/base/geometry.h"
+#include "protocol/base/status.h"
+
+namespace mesorig::btf {
+
+// At most three measured directions and their weights, which sum to one; unused ones have weight 0
+// and index 0.
+struct DirectionWeights {
+  std::array<int, 3> index{};
+  std::array<float, 3> weight{};
+};
+
+// Immutable after construction; lookups are reentrant.
+class DirectionInterpolator {
+ public:
+  // Delaunay triangulation of the directions on the sphere. Works for one direction, for two, for
+  // collinear (one great circle) ones. InvalidArgument for none or for one that is not finite.
+  static StatusOr<DirectionInterpolator> Build(const std::vector<Vec3>& directions);
+  // Barycentric weights in the triangle that holds d, or the nearest point of the hull for a
+  // direction beyond the measured cone. d need not be normalised; a zero or NaN direction gives
+  // the direction nearest to +z with weight 1.
+  DirectionWeights Lookup(Vec3 d) const;
+  bool Inside(Vec3 d) const;  // d lies within the measured cone
+  const std::vector<std::array<int, 3>>& triangles() const { return triangles_; }
+  const std::vector<Vec3>& directions() const { return directions_; }
+
+ private:
+  std::vector<Vec3> directions_;
+  std::vector<std::array<int, 3>> triangles_;
+  std::vector<std::array<int, 2>> hull_;  // boundary edges
+};
+
+// Beyond the measured cone the nearest direction's value is scaled by cos(theta_l) /
+// cos(theta_nearest), and is zero below the horizon (DESIGN, "BTF value"). `nearest` is the
+// weighted direction that Lookup chose. 1 inside the cone.
+double HorizonScale(const DirectionInterpolator& lights, const DirectionWeights& chosen, Vec3 l);
+
+}  // namespace mesorig::btf

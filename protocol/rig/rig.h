@@ -1,0 +1,124 @@
+#pragma once
+// The description of a rig, as read from a TOML file (rigs/*.toml).
+//
+// World frame: origin at the turntable centre on its plane, z up, right-handed, mm. Poses are
+// kinematic chains: a frame hangs on its parent by a fixed translation and, optionally, turns with
+// a named axis. Lamps, cameras and solids stand in frames. The frame named "sample" carries the
+// sample; its origin is the centre of the crop. Values here are immutable after loading; all
+// functions are reentrant.
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/geometry.h"
+#include "protocol/base/status.h"
+#include "protocol/base/toml_reader.h"
+
+namespace mesorig {
+
+// A rotary axis behind a CiA 402 node.
+struct Axis {
+  std::string name;
+  int can_node = 0;               // 1..127
+  double counts_per_turn = 0;     // encoder counts, position unit on the wire
+  double min_rad = 0, max_rad = 0;  // soft limits: cable wrap
+  double max_velocity_rad_s = 0;
+  double acceleration_rad_s2 = 0;
+  double homing_velocity_rad_s = 0;
+};
+
+struct Frame {
+  std::string name;
+  int parent = -1;              // index into Rig::frames; -1 is the world
+  Vec3 translation_mm;          // origin of this frame in its parent
+  int axis = -1;                // index into Rig::axes; -1: fixed
+  Vec3 axis_direction{0, 0, 1};  // unit vector in the parent: turns counter-clockwise about it
+};
+
+// A point lamp.
+struct Lamp {
+  std::string name;
+  int frame = -1;
+  Vec3 p_in_frame;                            // mm
+  int channel = 0;                            // of the lamp bank
+  std::array<double, 3> intensity_w_sr{};     // radiant intensity at full level: red, green, blue
+  double rise_s = 0;                          // filament time constant
+  double settle_s = 0;                        // from command to steady light
+};
+
+enum class BayerPattern { kMono, kRggb };
+
+// A pinhole camera. Camera frame: x right, y down, z forward. A point (x, y, z) of it is seen at
+// u = focal_px x/z + cx, v = focal_px y/z + cy; pixel (i, j) covers [i, i+1) x [j, j+1), so that
+// its centre is (i + 1/2, j + 1/2).
+struct Camera {
+  std::string name, serial;
+  int frame = -1;
+  RigidTransform frame_from_camera;
+  int width = 0, height = 0;
+  double focal_px = 0, cx = 0, cy = 0;
+  BayerPattern pattern = BayerPattern::kMono;
+  int bits = 12;                       // 8 or 12; 12 bits travel in two bytes, little-endian
+  int black_dn = 0;                    // code value without light
+  double full_well_e = 0;              // electrons at the largest code value (gain 1)
+  double read_noise_e = 0;             // standard deviation, electrons
+  double electrons_per_radiance_s = 0; // per W m^-2 sr^-1 and second, every channel
+  double min_exposure_s = 0, max_exposure_s = 0;
+  double readout_s = 0;                // from the end of exposure to the frame's delivery
+  int white_dn() const { return (1 << bits) - 1; }
+  int bytes_per_pixel() const { return bits > 8 ? 2 : 1; }
+  size_t frame_bytes() const {
+    return static_cast<size_t>(width) * static_cast<size_t>(height) *
+           static_cast<size_t>(bytes_per_pixel());
+  }
+};
+
+// A capsule that blocks beams and views.
+struct Solid {
+  std::string name;
+  int frame = -1;
+  Vec3 a_in_frame, b_in_frame;  // mm
+  double radius_mm = 0;
+};
+
+// The lamp bank: Modbus coils switch, input registers read back (0..1000 per mille of full flux).
+struct LampBank {
+  int unit = 1;                 // Modbus unit id
+  double timeout_s = 0;         // communication-loss timeout: all lamps off
+};
+
+// Digital lines by number. Inputs are normally closed: level 1 is closed (good), 0 open.
+struct Lines {
+  int estop = 0, door = 1, reset = 2;
+};
+
+struct Rig {
+  std::string name;
+  std::vector<Axis> axes;
+  std::vector<Frame> frames;
+  std::vector<Lamp> lamps;
+  std::vector<Camera> cameras;
+  std::vector<Solid> solids;
+  LampBank lamp_bank;
+  Lines lines;
+  double heartbeat_s = 0.5;     // CANopen heartbeat of every node and of the daemon
+  double sample_radius_mm = 0;  // beams and views are checked against solids over this disc
+  std::string source_text;      // the TOML it was read from
+  std::string sha256;           // of source_text
+
+  std::optional<int> FindAxis(std::string_view axis_name) const;
+  std::optional<int> FindFrame(std::string_view frame_name) const;
+  std::optional<int> FindLamp(std::string_view lamp_name) const;
+  std::optional<int> FindCamera(std::string_view camera_name) const;
+};
+
+// NotFound or InvalidArgument with file:line:column: syntax, unknown key, value out of range, a
+// name that is used twice or not defined, two lamps on one channel, two axes on one node.
+StatusOr<Rig> LoadRig(const std::filesystem::path& path);
+StatusOr<Rig> ParseRig(std::string_view text, std::string_view name);
+
+}  // namespace mesorig

@@ -1,0 +1,37 @@
+#pragma once
+// Where everything is at given axis positions. `axis_rad` holds one angle per Rig::axes.
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "protocol/rig/rig.h"
+
+namespace mesorig {
+
+// frame -1 is the world.
+RigidTransform WorldFromFrame(const Rig& rig, int frame, std::span<const double> axis_rad);
+RigidTransform WorldFromSample(const Rig& rig, std::span<const double> axis_rad);
+RigidTransform WorldFromCamera(const Rig& rig, int camera, std::span<const double> axis_rad);
+Vec3 LampInWorld(const Rig& rig, int lamp, std::span<const double> axis_rad);
+
+// In the sample frame: what BTF directions are made of.
+RigidTransform SampleFromCamera(const Rig& rig, int camera, std::span<const double> axis_rad);
+Vec3 LampInSample(const Rig& rig, int lamp, std::span<const double> axis_rad);
+
+// Image coordinates (pixel centres at half-integers) of a point in the camera frame. Nothing for a
+// point that is not in front of the camera (z <= 0, or so near that the division overflows).
+struct ImagePoint {
+  double u = 0, v = 0;
+};
+std::optional<ImagePoint> Project(const Camera& camera, Vec3 p_in_camera);
+// Unit direction, in the camera frame, of the ray through (u, v).
+Vec3 RayDirection(const Camera& camera, ImagePoint point);
+
+// The name of a solid that stands between the sample's disc (radius Rig::sample_radius_mm around
+// its origin) and `p_in_world`, or nothing. A solid that holds `p_in_world` itself (a camera's own
+// arc, a lamp's own housing) does not count within its own thickness of the point.
+std::optional<std::string> BlockedBy(const Rig& rig, Vec3 p_in_world,
+                                     std::span<const double> axis_rad);
+
+}  // namespace mesorig

@@ -1,0 +1,208 @@
+// Reads a rig file. Directions of lamps and cameras are given as the rig builder measures them:
+// distance from the frame's origin, polar angle from +z, azimuth from +x.
+
+#include <algorithm>
+#include <set>
+
+#include "protocol/base/digest.h"
+#include "protocol/base/file_writer.h"
+#include "protocol/rig/rig.h"
+
+namespace mesorig {
+namespace {
+
+// Refuses a name or number that was used before.
+template <typename T>
+class Unique {
+ public:
+  void Add(TomlTable& table, std::string_view key, const T& value) {
+    if (!seen_.insert(value).second) table.Error(key, fmt::format("`{}` is used twice", value));
+  }
+
+ private:
+  std::set<T> seen_;
+};
+
+Axis ReadAxis(TomlTable t) {
+  Axis axis;
+  axis.name = t.String("name");
+  axis.can_node = static_cast<int>(t.Integer("can_node", {1, 127}));
+  axis.counts_per_turn = t.Number("counts_per_turn", {1, 1e8});
+  axis.min_rad = RadFromDeg(t.Number("min_deg", {-3600, 3600}));
+  axis.max_rad = RadFromDeg(t.Number("max_deg", {-3600, 3600}));
+  if (!(axis.min_rad < axis.max_rad)) t.Error("max_deg", "must be above min_deg");
+  axis.max_velocity_rad_s = RadFromDeg(t.Number("max_velocity_deg_s", {0.001, 3600}));
+  axis.acceleration_rad_s2 = RadFromDeg(t.Number("acceleration_deg_s2", {0.001, 36000}));
+  axis.homing_velocity_rad_s = RadFromDeg(t.Number("homing_velocity_deg_s", {0.001, 3600}));
+  return axis;
+}
+
+int ReadFrameName(TomlTable& t, const Rig& rig, std::string_view key) {
+  const std::string name = t.StringOr(key, "world");
+  if (name == "world") return -1;
+  const auto frame = rig.FindFrame(name);
+  if (!frame) t.Error(key, fmt::format("names the frame `{}`, which is not defined above", name));
+  return frame.value_or(-1);
+}
+
+Frame ReadFrame(TomlTable t, const Rig& rig) {
+  Frame frame;
+  frame.name = t.String("name");
+  frame.parent = ReadFrameName(t, rig, "parent");
+  frame.translation_mm = t.VectorOr("translation_mm", {}, {-1e5, 1e5});
+  if (t.Has("axis")) {
+    const std::string axis = t.String("axis");
+    const auto index = rig.FindAxis(axis);
+    if (!index) t.Error("axis", fmt::format("names `{}`, which is not an [[axis]]", axis));
+    frame.axis = index.value_or(-1);
+    frame.axis_direction = t.VectorOr("axis_direction", {0, 0, 1}, {-1, 1});
+    if (std::abs(Norm(frame.axis_direction) - 1) > 1e-6) {
+      t.Error("axis_direction", "must be a unit vector");
+    }
+  }
+  return frame;
+}
+
+Vec3 ReadPosition(TomlTable& t) {
+  const double distance = t.Number("distance_mm", {1, 1e5});
+  const double theta = RadFromDeg(t.Number("theta_deg", {0, 180}));
+  const double phi = RadFromDeg(t.NumberOr("phi_deg", 0, {-360, 360}));
+  return distance * DirectionFromAngles(theta, phi);
+}
+
+Lamp ReadLamp(TomlTable t, const Rig& rig) {
+  Lamp lamp;
+  lamp.name = t.String("name");
+  lamp.frame = ReadFrameName(t, rig, "frame");
+  lamp.p_in_frame = ReadPosition(t);
+  lamp.channel = static_cast<int>(t.Integer("channel", {0, 255}));
+  const Vec3 intensity = t.Vector("intensity_w_sr", {1e-9, 1e9});
+  lamp.intensity_w_sr = {intensity.x, intensity.y, intensity.z};
+  lamp.rise_s = t.Number("rise_s", {0, 100});
+  lamp.settle_s = t.Number("settle_s", {0, 1000});
+  return lamp;
+}
+
+Camera ReadCamera(TomlTable t, const Rig& rig) {
+  Camera camera;
+  camera.name = t.String("name");
+  camera.serial = t.String("serial");
+  camera.frame = ReadFrameName(t, rig, "frame");
+  const double theta = RadFromDeg(t.Number("theta_deg", {0, 180}));
+  const double phi = RadFromDeg(t.NumberOr("phi_deg", 0, {-360, 360}));
+  // Looks at the frame's origin; image down is the direction of growing theta, which is defined at
+  // the zenith too: columns of the rotation are e_phi, e_theta, -d.
+  const Vec3 d = DirectionFromAngles(theta, phi);
+  const Vec3 e_theta{std::cos(theta) * std::cos(phi), std::cos(theta) * std::sin(phi),
+                     -std::sin(theta)};
+  const Vec3 e_phi{-std::sin(phi), std::cos(phi), 0};
+  camera.frame_from_camera.rotation = {
+      {e_phi.x, e_theta.x, -d.x, e_phi.y, e_theta.y, -d.y, e_phi.z, e_theta.z, -d.z}};
+  camera.frame_from_camera.translation = t.Number("distance_mm", {1, 1e5}) * d;
+  camera.width = static_cast<int>(t.Integer("width_px", {8, 16384}));
+  camera.height = static_cast<int>(t.Integer("height_px", {8, 16384}));
+  camera.focal_px = t.Number("focal_px", {1, 1e6});
+  camera.cx = t.NumberOr("cx_px", camera.width / 2.0, {-1e5, 1e5});
+  camera.cy = t.NumberOr("cy_px", camera.height / 2.0, {-1e5, 1e5});
+  camera.pattern = t.Word("pattern", {"mono", "RGGB"}) == "RGGB" ? BayerPattern::kRggb
+                                                                 : BayerPattern::kMono;
+  camera.bits = static_cast<int>(t.Integer("bits", {8, 12}));
+  if (camera.bits != 8 && camera.bits != 12) t.Error("bits", "permitted is 8 or 12");
+  camera.black_dn = static_cast<int>(t.Integer("black_dn", {0, 1024}));
+  if (camera.black_dn * 2 > camera.white_dn()) t.Error("black_dn", "is over half the code range");
+  camera.full_well_e = t.Number("full_well_e", {10, 1e7});
+  camera.read_noise_e = t.Number("read_noise_e", {0, 1e4});
+  camera.electrons_per_radiance_s = t.Number("electrons_per_radiance_s", {1e-6, 1e15});
+  camera.min_exposure_s = t.Number("min_exposure_s", {1e-7, 1000});
+  camera.max_exposure_s = t.Number("max_exposure_s", {1e-7, 1000});
+  camera.readout_s = t.Number("readout_s", {0, 10});
+  return camera;
+}
+
+void ReadSolid(TomlTable t, Rig& rig) {
+  Solid solid;
+  solid.name = t.String("name");
+  const std::string kind = t.Word("kind", {"capsule", "arc"});
+  solid.frame = ReadFrameName(t, rig, "frame");
+  solid.radius_mm = t.Number("radius_mm", {0.1, 1e4});
+  if (kind == "capsule") {
+    solid.a_in_frame = t.Vector("a_mm", {-1e5, 1e5});
+    solid.b_in_frame = t.Vector("b_mm", {-1e5, 1e5});
+    rig.solids.push_back(solid);
+    return;
+  }
+  // An arc around the frame's origin, as capsules of at most five degrees.
+  const double arc_radius = t.Number("arc_radius_mm", {1, 1e5});
+  const double from = t.Number("theta_from_deg", {-180, 180});
+  const double to = t.Number("theta_to_deg", {-180, 180});
+  const double phi = RadFromDeg(t.NumberOr("phi_deg", 0, {-360, 360}));
+  const int pieces = std::max(1, static_cast<int>(std::ceil(std::abs(to - from) / 5)));
+  const auto point = [&](int i) {
+    return arc_radius * DirectionFromAngles(RadFromDeg(from + (to - from) * i / pieces), phi);
+  };
+  for (int i = 0; i < pieces; ++i) {
+    solid.a_in_frame = point(i);
+    solid.b_in_frame = point(i + 1);
+    rig.solids.push_back(solid);
+  }
+}
+
+void CheckUnique(TomlTable root, const Rig& rig) {
+  Unique<std::string> axes, frames, lamps, cameras, serials;
+  Unique<int> nodes, channels;
+  size_t i = 0;
+  for (TomlTable t : root.Tables("axis")) {
+    axes.Add(t, "name", rig.axes[i].name);
+    nodes.Add(t, "can_node", rig.axes[i++].can_node);
+  }
+  i = 0;
+  for (TomlTable t : root.Tables("frame")) frames.Add(t, "name", rig.frames[i++].name);
+  i = 0;
+  for (TomlTable t : root.Tables("lamp")) {
+    lamps.Add(t, "name", rig.lamps[i].name);
+    channels.Add(t, "channel", rig.lamps[i++].channel);
+  }
+  i = 0;
+  for (TomlTable t : root.Tables("camera")) {
+    cameras.Add(t, "name", rig.cameras[i].name);
+    serials.Add(t, "serial", rig.cameras[i++].serial);
+  }
+}
+
+}  // namespace
+
+StatusOr<Rig> ParseRig(std::string_view text, std::string_view name) {
+  MESORIG_ASSIGN_OR_RETURN(TomlFile file, TomlFile::Parse(text, name));
+  TomlTable root = file.root();
+  Rig rig;
+  rig.name = root.String("name");
+  rig.sample_radius_mm = root.Number("sample_radius_mm", {0.1, 1e4});
+  rig.heartbeat_s = root.NumberOr("heartbeat_s", 0.5, {0.01, 60});
+  for (TomlTable t : root.Tables("axis")) rig.axes.push_back(ReadAxis(t));
+  for (TomlTable t : root.Tables("frame")) rig.frames.push_back(ReadFrame(t, rig));
+  if (!rig.FindFrame("sample")) root.Error("", "a [[frame]] named \"sample\" is missing");
+  for (TomlTable t : root.Tables("lamp")) rig.lamps.push_back(ReadLamp(t, rig));
+  for (TomlTable t : root.Tables("camera")) rig.cameras.push_back(ReadCamera(t, rig));
+  for (TomlTable t : root.Tables("solid")) ReadSolid(t, rig);
+  if (rig.cameras.empty()) root.Error("", "at least one [[camera]] is needed");
+  if (rig.lamps.empty()) root.Error("", "at least one [[lamp]] is needed");
+  TomlTable bank = root.Table("lamp_bank");
+  rig.lamp_bank.unit = static_cast<int>(bank.Integer("unit", {1, 247}));
+  rig.lamp_bank.timeout_s = bank.Number("timeout_s", {0.05, 60});
+  TomlTable lines = root.Table("lines");
+  rig.lines.estop = static_cast<int>(lines.Integer("estop", {0, 63}));
+  rig.lines.door = static_cast<int>(lines.Integer("door", {0, 63}));
+  rig.lines.reset = static_cast<int>(lines.Integer("reset", {0, 63}));
+  CheckUnique(root, rig);
+  MESORIG_RETURN_IF_ERROR(file.Finish());
+  rig.source_text = text;
+  rig.sha256 = Sha256(text);
+  return rig;
+}
+
+StatusOr<Rig> LoadRig(const std::filesystem::path& path) {
+  MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, 4u << 20));
+  return ParseRig(text, path.string());
+}
+
+}  // namespace mesorig
