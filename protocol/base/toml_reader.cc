@@ -2,10 +2,19 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <toml++/toml.h>
 
 #include <algorithm>
 #include <set>
+#include <stdexcept>
+
+// toml++ 3.3 asserts on some malformed keys and would end the process: its assertions become
+// syntax errors.
+namespace mesorig {
+[[noreturn]] inline void FailTomlAssertion() { throw std::logic_error("malformed key or value"); }
+}  // namespace mesorig
+#define TOML_ASSERT(condition) ((condition) ? void() : ::mesorig::FailTomlAssertion())
+#undef NDEBUG  // with it toml++ would assume what is not so
+#include <toml++/toml.h>
 
 #include "protocol/base/file_writer.h"
 
@@ -264,6 +273,8 @@ StatusOr<TomlFile> TomlFile::Parse(std::string_view text, std::string_view name)
     state->root = toml::parse(text, name);
   } catch (const toml::parse_error& error) {
     return InvalidArgument("{}: {}", state->Place(error.source().begin), error.description());
+  } catch (const std::exception& error) {
+    return InvalidArgument("{}: not a TOML file: {}", name, error.what());
   }
   return TomlFile(std::move(state));
 }

@@ -1,6 +1,7 @@
 #include "protocol/rig/rig_geometry.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "protocol/base/check.h"
 
@@ -52,30 +53,85 @@ Vec3 RayDirection(const Camera& camera, ImagePoint point) {
       {(point.u - camera.cx) / camera.focal_px, (point.v - camera.cy) / camera.focal_px, 1});
 }
 
+namespace {
+
+// Frames and solids are at most a few metres: this is far below a micrometre.
+constexpr int kSearchSteps = 40;
+
+// Least value of a convex function on [low, high].
+template <typename F>
+double LeastOfConvex(double low, double high, const F& f) {
+  constexpr double kGolden = 0.61803398874989485;
+  double x1 = high - kGolden * (high - low), x2 = low + kGolden * (high - low);
+  double f1 = f(x1), f2 = f(x2);
+  double least = std::min({f(low), f(high), f1, f2});
+  for (int i = 0; i < kSearchSteps; ++i) {
+    if (f1 < f2) {
+      high = x2, x2 = x1, f2 = f1;
+      x1 = high - kGolden * (high - low), f1 = f(x1);
+    } else {
+      low = x1, x1 = x2, f1 = f2;
+      x2 = low + kGolden * (high - low), f2 = f(x2);
+    }
+    least = std::min({least, f1, f2});
+  }
+  return least;
+}
+
+// All segments from a disc to a point: a cone whose base need not stand square to its axis.
+struct Bundle {
+  Vec3 centre, normal;  // of the disc
+  double radius = 0;    // mm
+  Vec3 apex;
+};
+
+double DistanceToDisc(Vec3 p, Vec3 centre, Vec3 normal, double radius) {
+  const Vec3 d = p - centre;
+  const double height = Dot(d, normal);
+  const double outside = std::max(0.0, Norm(d - height * normal) - radius);
+  return std::hypot(height, outside);
+}
+
+// Distance of the segment a-b from the bundle's part between the disc and the fraction `until` of
+// the way to the apex. The bundle is convex and its cross-sections parallel to the disc are discs:
+// both one-dimensional searches are over convex functions.
+double BundleDistance(const Bundle& bundle, double until, Vec3 a, Vec3 b) {
+  return LeastOfConvex(0, until, [&](double s) {
+    const Vec3 centre = bundle.centre + s * (bundle.apex - bundle.centre);
+    const double radius = (1 - s) * bundle.radius;
+    return LeastOfConvex(0, 1, [&](double t) {
+      return DistanceToDisc(a + t * (b - a), centre, bundle.normal, radius);
+    });
+  });
+}
+
+bool Blocks(const Bundle& bundle, Vec3 a, Vec3 b, double radius) {
+  const double length = Norm(bundle.apex - bundle.centre);
+  double until = 1;
+  if (SegmentDistance(a, b, bundle.apex, bundle.apex) <= radius) {  // it holds the point itself
+    until = 1 - (2 * radius + 1e-9) / length;
+    if (until <= 0) return false;
+  }
+  const Vec3 end = bundle.centre + until * (bundle.apex - bundle.centre);
+  const double from_axis = SegmentDistance(a, b, bundle.centre, end);
+  if (from_axis >= radius + bundle.radius) return false;  // the quick answers
+  if (from_axis < radius) return true;
+  // Written so that a position that is not a number counts as blocked.
+  return !(BundleDistance(bundle, until, a, b) >= radius);
+}
+
+}  // namespace
+
 std::optional<std::string> BlockedBy(const Rig& rig, Vec3 p_in_world,
                                      std::span<const double> axis_rad) {
   const RigidTransform world_from_sample = WorldFromSample(rig, axis_rad);
-  const Vec3 centre = world_from_sample.translation;
-  const double length = Norm(p_in_world - centre);
-  if (!(length > 0)) return std::nullopt;
-  const Vec3 to_point = (1 / length) * (p_in_world - centre);
+  const Bundle bundle{world_from_sample.translation, world_from_sample.rotation * Vec3{0, 0, 1},
+                      rig.sample_radius_mm, p_in_world};
+  if (bundle.apex == bundle.centre) return std::nullopt;
   for (const Solid& solid : rig.solids) {
     const RigidTransform world_from_solid = WorldFromFrame(rig, solid.frame, axis_rad);
     const Vec3 a = world_from_solid * solid.a_in_frame, b = world_from_solid * solid.b_in_frame;
-    // The bundle of rays from the disc to the point narrows linearly towards the point; its radius
-    // at half way bounds a capsule test that is exact for the two ends' mean. Beams are thin
-    // (a sample of 20 mm at 900 mm), so the bundle is taken as a cylinder of the disc's radius
-    // scaled by the solid's place along it.
-    Vec3 end = p_in_world;
-    if (SegmentDistance(a, b, p_in_world, p_in_world) <= solid.radius_mm) {
-      const double own = 2 * solid.radius_mm + 1e-9;  // its own mount
-      if (own >= length) continue;
-      end = p_in_world - own * to_point;
-    }
-    const double along =
-        std::min(Dot(a - centre, to_point), Dot(b - centre, to_point)) / length;
-    const double bundle = rig.sample_radius_mm * std::clamp(1 - along, 0.0, 1.0);
-    if (SegmentDistance(a, b, centre, end) < solid.radius_mm + bundle) return solid.name;
+    if (Blocks(bundle, a, b, solid.radius_mm)) return solid.name;
   }
   return std::nullopt;
 }

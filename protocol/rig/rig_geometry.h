@@ -29,8 +29,10 @@ std::optional<ImagePoint> Project(const Camera& camera, Vec3 p_in_camera);
 Vec3 RayDirection(const Camera& camera, ImagePoint point);
 
 // The name of a solid that stands between the sample's disc (radius Rig::sample_radius_mm around
-// its origin) and `p_in_world`, or nothing. A solid that holds `p_in_world` itself (a camera's own
-// arc, a lamp's own housing) does not count within its own thickness of the point.
+// its origin, parallel to its xy plane) and `p_in_world`, or nothing: the exact distance of the
+// solid from the cone of all segments between them. A solid that holds `p_in_world` itself (a
+// camera's own arc, a lamp's own housing) does not count within its own thickness of the point.
+// Axis angles that are not finite count as blocked.
 std::optional<std::string> BlockedBy(const Rig& rig, Vec3 p_in_world,
                                      std::span<const double> axis_rad);
 

@@ -48,6 +48,7 @@ int ReadFrameName(TomlTable& t, const Rig& rig, std::string_view key) {
 Frame ReadFrame(TomlTable t, const Rig& rig) {
   Frame frame;
   frame.name = t.String("name");
+  if (frame.name == "world") t.Error("name", "`world` is the root and cannot be defined again");
   frame.parent = ReadFrameName(t, rig, "parent");
   frame.translation_mm = t.VectorOr("translation_mm", {}, {-1e5, 1e5});
   if (t.Has("axis")) {
@@ -59,6 +60,7 @@ Frame ReadFrame(TomlTable t, const Rig& rig) {
     if (std::abs(Norm(frame.axis_direction) - 1) > 1e-6) {
       t.Error("axis_direction", "must be a unit vector");
     }
+    frame.axis_direction = Normalized(frame.axis_direction);
   }
   return frame;
 }
@@ -115,6 +117,9 @@ Camera ReadCamera(TomlTable t, const Rig& rig) {
   camera.electrons_per_radiance_s = t.Number("electrons_per_radiance_s", {1e-6, 1e15});
   camera.min_exposure_s = t.Number("min_exposure_s", {1e-7, 1000});
   camera.max_exposure_s = t.Number("max_exposure_s", {1e-7, 1000});
+  if (!(camera.min_exposure_s <= camera.max_exposure_s)) {
+    t.Error("max_exposure_s", "must not be below min_exposure_s");
+  }
   camera.readout_s = t.Number("readout_s", {0, 10});
   return camera;
 }
@@ -149,7 +154,11 @@ void ReadSolid(TomlTable t, Rig& rig) {
 
 void CheckUnique(TomlTable root, const Rig& rig) {
   Unique<std::string> axes, frames, lamps, cameras, serials;
-  Unique<int> nodes, channels;
+  Unique<int> nodes, channels, lines;
+  TomlTable line_table = root.Table("lines");
+  lines.Add(line_table, "estop", rig.lines.estop);
+  lines.Add(line_table, "door", rig.lines.door);
+  lines.Add(line_table, "reset", rig.lines.reset);
   size_t i = 0;
   for (TomlTable t : root.Tables("axis")) {
     axes.Add(t, "name", rig.axes[i].name);

@@ -1,0 +1,152 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+#include <string>
+
+#include "protocol/base/file_writer.h"
+#include "protocol/rig/rig.h"
+
+namespace mesorig {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+std::string DemoText() {
+  return ReadFile(std::string(MESORIG_SOURCE_DIR) + "/rigs/demo.toml").value();
+}
+
+// The demo rig with the first `from` replaced by `to`.
+std::string With(std::string_view from, std::string_view to) {
+  std::string text = DemoText();
+  const size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+std::string ErrorOf(const std::string& text) {
+  const StatusOr<Rig> rig = ParseRig(text, "rig.toml");
+  EXPECT_FALSE(rig.ok());
+  if (rig.ok()) return "";
+  EXPECT_EQ(rig.status().code(), absl::StatusCode::kInvalidArgument) << rig.status();
+  return std::string(rig.status().message());
+}
+
+// "rig.toml:LINE:" of the first place where `text` stands in the given rig.
+std::string LineOf(const std::string& rig, std::string_view text) {
+  const size_t at = rig.find(text);
+  return fmt::format("rig.toml:{}:", 1 + std::count(rig.begin(), rig.begin() + at, '\n'));
+}
+
+TEST(RigToml, UnknownKeyIsRefusedWithLineAndColumn) {
+  const std::string text = With("settle_s = 0.6", "settle_s = 0.6\n  colour = \"red\"");
+  EXPECT_THAT(ErrorOf(text), AllOf(HasSubstr(LineOf(text, "colour") + "3"), HasSubstr("colour")));
+}
+
+TEST(RigToml, UnknownTableIsRefused) {
+  EXPECT_THAT(ErrorOf(DemoText() + "\n[kaleidoscope]\nmirrors = 3\n"), HasSubstr("kaleidoscope"));
+}
+
+TEST(RigToml, TwoLampsOnOneChannel) {
+  const std::string text = With("channel = 3", "channel = 2");
+  EXPECT_THAT(ErrorOf(text), AllOf(HasSubstr("rig.toml:"), HasSubstr("channel"), HasSubstr("2")));
+}
+
+TEST(RigToml, TwoAxesOnOneNode) {
+  EXPECT_THAT(ErrorOf(With("can_node = 2", "can_node = 1")), HasSubstr("can_node"));
+}
+
+TEST(RigToml, TwoCamerasOfOneSerial) {
+  EXPECT_THAT(ErrorOf(With("DF256-02", "DF256-01")), HasSubstr("DF256-01"));
+}
+
+TEST(RigToml, TwoInputsOnOneLine) {
+  EXPECT_THAT(ErrorOf(With("door = 1", "door = 0")), HasSubstr("door"));
+}
+
+TEST(RigToml, NotANumber) {
+  for (const char* value : {"nan", "inf", "-inf", "+nan"}) {
+    const std::string text = With("distance_mm = 650", fmt::format("distance_mm = {}", value));
+    EXPECT_THAT(ErrorOf(text), AllOf(HasSubstr(LineOf(text, "distance_mm")),
+                                     HasSubstr("distance_mm")));
+  }
+}
+
+TEST(RigToml, WrongType) {
+  const std::string text = With("width_px = 256", "width_px = \"256\"");
+  EXPECT_THAT(ErrorOf(text), AllOf(HasSubstr(LineOf(text, "width_px")), HasSubstr("width_px")));
+}
+
+TEST(RigToml, OutOfRangeNamesValueAndRange) {
+  const std::string text = With("bits = 12", "bits = 16");
+  EXPECT_THAT(ErrorOf(text), AllOf(HasSubstr("bits"), HasSubstr("16"), HasSubstr("12")));
+  EXPECT_THAT(ErrorOf(With("bits = 12", "bits = 10")), HasSubstr("bits"));
+}
+
+TEST(RigToml, MissingKey) {
+  EXPECT_THAT(ErrorOf(With("focal_px = 2600\n", "")), HasSubstr("focal_px"));
+}
+
+TEST(RigToml, UndefinedNames) {
+  EXPECT_THAT(ErrorOf(With("axis = \"turntable\"", "axis = \"tilt\"")), HasSubstr("tilt"));
+  EXPECT_THAT(ErrorOf(With("frame = \"light_arc\"", "frame = \"dome\"")), HasSubstr("dome"));
+}
+
+TEST(RigToml, SampleFrameIsNeeded) {
+  EXPECT_THAT(ErrorOf(With("name = \"sample\"", "name = \"plate\"")), HasSubstr("sample"));
+}
+
+TEST(RigToml, WorldCannotBeDefined) {
+  EXPECT_THAT(ErrorOf(With("name = \"camera_arc\"", "name = \"world\"")), HasSubstr("world"));
+}
+
+TEST(RigToml, LimitsInOrder) {
+  EXPECT_THAT(ErrorOf(With("min_deg = -10", "min_deg = 370")), HasSubstr("max_deg"));
+  EXPECT_THAT(ErrorOf(With("min_exposure_s = 0.0001", "min_exposure_s = 0.6")),
+              HasSubstr("max_exposure_s"));
+}
+
+TEST(RigToml, MissingFileIsNamed) {
+  const StatusOr<Rig> rig = LoadRig("/nowhere/rig.toml");
+  ASSERT_FALSE(rig.ok());
+  EXPECT_EQ(rig.status().code(), absl::StatusCode::kNotFound);
+  EXPECT_THAT(std::string(rig.status().message()), HasSubstr("/nowhere/rig.toml"));
+}
+
+// Whatever stands in the file, the parser answers; what it accepts has no NaN in its geometry.
+TEST(RigToml, SurvivesMutations) {
+  const std::string original = DemoText();
+  std::mt19937 random(20050101);
+  int accepted = 0;
+  for (int n = 0; n < 3000; ++n) {
+    std::string text = original;
+    const int edits = 1 + static_cast<int>(random() % 4);
+    for (int e = 0; e < edits; ++e) {
+      const size_t at = random() % text.size();
+      switch (random() % 5) {
+        case 0: text[at] = static_cast<char>(random() % 256); break;
+        case 1: text.erase(at, 1 + random() % 20); break;
+        case 2: text.insert(at, text.substr(random() % text.size(), random() % 40)); break;
+        case 3: text[at] = "0123456789.-e\"[]=\n"[random() % 18]; break;
+        default: text.resize(at + 1); break;
+      }
+      if (text.empty()) text = "x";
+    }
+    const StatusOr<Rig> rig = ParseRig(text, "mutant.toml");
+    if (!rig.ok()) {
+      ASSERT_EQ(rig.status().code(), absl::StatusCode::kInvalidArgument);
+      continue;
+    }
+    ++accepted;
+    for (const Lamp& lamp : rig->lamps) ASSERT_TRUE(std::isfinite(Norm(lamp.p_in_frame)));
+    for (const Camera& camera : rig->cameras) {
+      ASSERT_TRUE(std::isfinite(Norm(camera.frame_from_camera.translation)));
+      ASSERT_GT(camera.focal_px, 0);
+    }
+  }
+  EXPECT_GT(accepted, 0);
+}
+
+}  // namespace
+}  // namespace mesorig
