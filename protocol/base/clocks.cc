@@ -95,6 +95,14 @@ void RigClock::WakeReadyLocked() {
   }
 }
 
+std::vector<RigClock::Entry*> RigClock::WaitingLocked() {
+  std::vector<Entry*> waiting;
+  for (Entry& entry : entries_) {
+    if (entry.waiting) waiting.push_back(&entry);
+  }
+  return waiting;
+}
+
 bool RigClock::QuiescentLocked() const {
   return ActiveLocked() && std::all_of(entries_.begin(), entries_.end(),
                                        [](const Entry& entry) { return entry.waiting; });

@@ -108,6 +108,8 @@ class RigClock {
 
   // Marks those that can run: predicate true or deadline come.
   void WakeReadyLocked();
+  // Those that wait, for a clock whose way of waiting changes.
+  std::vector<Entry*> WaitingLocked();
   // Every member waits, and at least one activity is on.
   bool QuiescentLocked() const;
   RigTime EarliestDeadlineLocked() const;

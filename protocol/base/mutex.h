@@ -2,6 +2,9 @@
 // std::mutex with the annotations that clang's -Wthread-safety checks. (The packaged
 // absl::Mutex trips ThreadSanitizer.)
 
+// GUARDED_BY and NO_THREAD_SAFETY_ANALYSIS are abseil's, the others are here.
+#include <absl/base/thread_annotations.h>
+
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
@@ -13,12 +16,10 @@
 #endif
 #define CAPABILITY(x) MESORIG_THREAD_ATTRIBUTE_(capability(x))
 #define SCOPED_CAPABILITY MESORIG_THREAD_ATTRIBUTE_(scoped_lockable)
-#define GUARDED_BY(x) MESORIG_THREAD_ATTRIBUTE_(guarded_by(x))
 #define REQUIRES(...) MESORIG_THREAD_ATTRIBUTE_(requires_capability(__VA_ARGS__))
 #define EXCLUDES(...) MESORIG_THREAD_ATTRIBUTE_(locks_excluded(__VA_ARGS__))
 #define ACQUIRE(...) MESORIG_THREAD_ATTRIBUTE_(acquire_capability(__VA_ARGS__))
 #define RELEASE(...) MESORIG_THREAD_ATTRIBUTE_(release_capability(__VA_ARGS__))
-#define NO_THREAD_SAFETY_ANALYSIS MESORIG_THREAD_ATTRIBUTE_(no_thread_safety_analysis)
 
 namespace mesorig {
 

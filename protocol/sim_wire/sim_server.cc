@@ -1,0 +1,290 @@
+#include "protocol/sim_wire/sim_server.h"
+
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+
+#include <cstring>
+
+#include "protocol/base/bytes.h"
+#include "protocol/base/log.h"
+
+namespace mesorig::sim_wire {
+namespace {
+
+using HostClock = std::chrono::steady_clock;
+constexpr int kSendTimeoutMs = 5000;
+
+}  // namespace
+
+struct SimServer::Client {
+  Fd fd;
+  MessageReader reader;
+  Role role = Role::kInjector;
+  bool greeted = false;
+  bool gone = false;
+  HostClock::time_point last_heard = HostClock::now();
+  std::string holder;  // what the last sign of life said
+};
+
+Status SimDevice::Inject(RigTime, std::string_view text, Outbox&) {
+  return InvalidArgument("{} does not know the fault \"{}\"", name(), text);
+}
+
+SimServer::SimServer(Fd listener, std::vector<SimDevice*> devices, SimServerOptions options)
+    : listener_(std::move(listener)), devices_(std::move(devices)), options_(std::move(options)) {
+  int fds[2];
+  if (::pipe(fds) == 0) {
+    wake_read_ = Fd(fds[0]);
+    wake_write_ = Fd(fds[1]);
+  }
+}
+
+SimServer::~SimServer() = default;
+
+void SimServer::Stop() {
+  stop_ = true;
+  const char byte = 0;
+  [[maybe_unused]] const ssize_t n = ::write(wake_write_.get(), &byte, 1);
+}
+
+void SimServer::RunExclusive(const std::function<void(RigTime now)>& f) {
+  MutexLock lock(mutex_);
+  f(now_);
+}
+
+Status SimServer::Run() {
+  while (!stop_) {
+    std::vector<pollfd> fds = {{listener_.get(), POLLIN, 0}, {wake_read_.get(), POLLIN, 0}};
+    for (const auto& client : clients_) fds.push_back({client->fd.get(), POLLIN, 0});
+    int timeout_ms = 0;
+    {
+      MutexLock lock(mutex_);
+      timeout_ms = PollTimeoutMs();
+    }
+    if (::poll(fds.data(), fds.size(), timeout_ms) < 0 && errno != EINTR) {
+      return Internal("poll: {}", strerror(errno));
+    }
+    {
+      MutexLock lock(mutex_);
+      for (size_t i = 2; i < fds.size(); ++i) {
+        if (fds[i].revents != 0) Receive(*clients_[i - 2]);
+      }
+      RunOn();
+      std::erase_if(clients_, [](const auto& client) { return client->gone; });
+    }
+    if (fds[0].revents != 0) Accept();
+  }
+  return OkStatus();
+}
+
+void SimServer::Accept() {
+  Fd fd(::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC));
+  if (!fd.valid()) return;
+  clients_.push_back(std::make_unique<Client>());
+  clients_.back()->fd = std::move(fd);
+}
+
+void SimServer::Receive(Client& client) {
+  char buffer[1 << 16];
+  const auto size = ReceiveSome(client.fd.get(), buffer, sizeof(buffer));
+  if (!size.ok() || *size == 0) return Drop(client, "closed");
+  client.last_heard = HostClock::now();
+  if (const Status status = client.reader.Feed({buffer, *size}); !status.ok()) {
+    return Drop(client, Message(status));
+  }
+  while (!client.gone) {
+    auto message = client.reader.Next();
+    if (!message) break;
+    Serve(client, std::move(*message));
+  }
+}
+
+void SimServer::Drop(Client& client, std::string_view why) {
+  if (client.gone) return;
+  client.gone = true;
+  if (client.greeted && client.role == Role::kRig) {
+    spdlog::info("the rig's daemon is gone ({}); time runs on by itself", why);
+  }
+}
+
+void SimServer::Serve(Client& client, Envelope message) {
+  if (!client.greeted && message.type != MessageType::kHello) {
+    return Drop(client, "did not say hello");
+  }
+  const bool to_device =
+      message.type == MessageType::kCommand || message.type == MessageType::kQuery;
+  if (to_device && (client.role != Role::kRig || message.device >= devices_.size())) {
+    return Drop(client, fmt::format("addressed device {} of {}", message.device, devices_.size()));
+  }
+  Outbox out;
+  switch (message.type) {
+    case MessageType::kHello: {
+      ByteReader in(message.payload);
+      const auto version = in.Get<uint16_t>();
+      const auto role = in.Get<uint8_t>();
+      const bool taken = std::any_of(clients_.begin(), clients_.end(), [&](const auto& other) {
+        return other.get() != &client && !other->gone && other->greeted &&
+               other->role == Role::kRig;
+      });
+      if (!in.done() || version != kProtocolVersion || role > 1) {
+        return Reply(client, 0, InvalidArgument("the simulator speaks protocol version {}, not {}",
+                                                kProtocolVersion, version));
+      }
+      client.role = static_cast<Role>(role);
+      if (client.role == Role::kRig && taken) {
+        return Reply(client, 0, FailedPrecondition("another daemon drives this simulator"));
+      }
+      client.greeted = true;
+      if (client.role == Role::kRig) {
+        had_rig_ = true;
+        deterministic_ = true;
+        outputs_.clear();
+      }
+      Welcome welcome = options_.welcome;
+      welcome.now = now_;
+      for (const SimDevice* device : devices_) welcome.devices.push_back(device->name());
+      std::string bytes;
+      AppendMessage({MessageType::kWelcome, 0, 0, now_, Pack(welcome)}, bytes);
+      if (!SendAll(client.fd.get(), bytes, kSendTimeoutMs).ok()) Drop(client, "does not read");
+      return;
+    }
+    case MessageType::kCommand:
+      devices_[message.device]->Command(now_, message.payload, out);
+      return Collect(message.device, out);
+    case MessageType::kQuery: {
+      const auto answer = devices_[message.device]->Query(now_, message.payload, out);
+      Collect(message.device, out);
+      return Reply(client, message.id, answer);
+    }
+    case MessageType::kAdvance:
+      return Advance(client, message.time);
+    case MessageType::kAlive:
+      client.holder = message.payload;
+      return;
+    case MessageType::kInject:
+      return Inject(client, message);
+    default:
+      return Drop(client, "sent a message that only simulators send");
+  }
+}
+
+void SimServer::Inject(Client& client, const Envelope& message) {
+  // "<device> <text>"
+  const std::string_view text = message.payload;
+  const size_t space = text.find(' ');
+  for (size_t i = 0; i < devices_.size() && space != text.npos; ++i) {
+    if (devices_[i]->name() != text.substr(0, space)) continue;
+    Outbox out;
+    const Status status = devices_[i]->Inject(now_, text.substr(space + 1), out);
+    Collect(i, out);
+    FlushToRig();
+    return Reply(client, message.id, status.ok() ? StatusOr<std::string>("") : status);
+  }
+  Reply(client, message.id, InvalidArgument("no device for \"{}\": say DEVICE FAULT", text));
+}
+
+void SimServer::Reply(Client& client, uint32_t id, const StatusOr<std::string>& answer) {
+  ByteWriter payload;
+  payload.Put<uint8_t>(answer.ok() ? 1 : 0);
+  payload.PutRaw(answer.ok() ? std::string_view(*answer) : Message(answer.status()));
+  std::string bytes;
+  AppendMessage({MessageType::kReply, 0, id, now_, payload.Take()}, bytes);
+  if (!SendAll(client.fd.get(), bytes, kSendTimeoutMs).ok()) Drop(client, "does not read");
+}
+
+void SimServer::Collect(size_t device, Outbox& out) {
+  for (std::string& payload : out.Take()) {
+    outputs_.push_back(
+        {MessageType::kOutput, static_cast<uint16_t>(device), 0, now_, std::move(payload)});
+  }
+}
+
+void SimServer::FlushOutputs(std::string& bytes) {
+  for (const Envelope& output : outputs_) AppendMessage(output, bytes);
+  outputs_.clear();
+}
+
+void SimServer::FlushToRig() {
+  for (const auto& client : clients_) {
+    if (!client->greeted || client->role != Role::kRig || client->gone) continue;
+    std::string bytes;
+    FlushOutputs(bytes);
+    if (!SendAll(client->fd.get(), bytes, kSendTimeoutMs).ok()) Drop(*client, "does not read");
+  }
+}
+
+bool SimServer::RunNextInstant(RigTime limit) {
+  RigTime next = kNever;
+  for (const SimDevice* device : devices_) next = std::min(next, device->NextEvent());
+  if (next == kNever || next > limit) return false;
+  now_ = std::max(now_, next);
+  for (size_t i = 0; i < devices_.size(); ++i) {
+    // A device may have several events at one instant.
+    while (devices_[i]->NextEvent() <= now_) {
+      Outbox out;
+      devices_[i]->RunEvent(now_, out);
+      Collect(i, out);
+    }
+  }
+  return true;
+}
+
+void SimServer::Advance(Client& client, RigTime target) {
+  if (client.role != Role::kRig) return Drop(client, "an injector does not move time");
+  uint8_t flags = 0;
+  // Outputs of commands of this very instant return it without moving time.
+  while (outputs_.empty()) {
+    if (RunNextInstant(target)) continue;
+    if (target == kNever) {
+      flags |= kDeadEnd;
+    } else {
+      now_ = std::max(now_, target);
+    }
+    break;
+  }
+  if (deterministic_) flags |= kDeterministic;
+  std::string bytes;
+  FlushOutputs(bytes);
+  AppendMessage({MessageType::kAdvanced, 0, 0, now_, std::string(1, static_cast<char>(flags))},
+                bytes);
+  if (!SendAll(client.fd.get(), bytes, kSendTimeoutMs).ok()) Drop(client, "does not read");
+}
+
+int SimServer::PollTimeoutMs() const {
+  if (running_on_) return 5;
+  return had_rig_ || !options_.pause_without_client ? 100 : 1000;
+}
+
+void SimServer::RunOn() {
+  const auto host_now = HostClock::now();
+  const Client* rig = nullptr;
+  for (const auto& client : clients_) {
+    if (client->greeted && client->role == Role::kRig && !client->gone) rig = client.get();
+  }
+  const bool silent = rig != nullptr && host_now - rig->last_heard > options_.silence_limit;
+  const bool alone = rig == nullptr && (had_rig_ || !options_.pause_without_client);
+  if (!silent && !alone) {
+    running_on_ = false;
+    return;
+  }
+  if (!running_on_) {
+    running_on_ = true;
+    run_on_host_ = host_now;
+    run_on_now_ = now_;
+    if (silent) {
+      deterministic_ = false;
+      spdlog::warn("no sign of life for {} ms (last word: {}); time runs on by itself",
+                   options_.silence_limit.count(), rig->holder.empty() ? "none" : rig->holder);
+    }
+  }
+  const RigTime target = run_on_now_ + (host_now - run_on_host_);
+  while (RunNextInstant(target)) outputs_.clear();  // nobody listens
+  outputs_.clear();
+  now_ = std::max(now_, target);
+}
+
+}  // namespace mesorig::sim_wire
