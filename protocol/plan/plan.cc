@@ -1,0 +1,116 @@
+#include "protocol/plan/plan.h"
+
+#include <cmath>
+
+#include "protocol/base/bytes.h"
+
+namespace mesorig {
+namespace {
+
+constexpr uint32_t kMagic = 0x4E4C504D;  // "MPLN"
+constexpr uint16_t kVersion = 1;
+constexpr uint32_t kMaxSteps = 10'000'000;
+
+Step ReadStep(ByteReader& in) {
+  Step step;
+  step.kind = static_cast<StepKind>(in.Get<uint8_t>());
+  const auto axes = in.Get<uint8_t>();
+  for (int i = 0; i < axes && in.ok(); ++i) step.axis_rad.push_back(in.Get<double>());
+  step.lamp = in.Get<int32_t>();
+  step.shot = in.Get<uint32_t>();
+  step.exposure_s = in.Get<double>();
+  const auto cameras = in.Get<uint16_t>();
+  for (int i = 0; i < cameras && in.ok(); ++i) step.cameras.push_back(in.Get<uint16_t>());
+  return step;
+}
+
+bool FitsRig(const Step& step, const Rig& rig) {
+  switch (step.kind) {
+    case StepKind::kMoveAxes:
+      if (step.axis_rad.size() != rig.axes.size()) return false;
+      for (size_t i = 0; i < rig.axes.size(); ++i) {
+        const double a = step.axis_rad[i];
+        if (!(a >= rig.axes[i].min_rad && a <= rig.axes[i].max_rad)) return false;
+      }
+      return true;
+    case StepKind::kLamp:
+      return step.lamp >= -1 && step.lamp < static_cast<int>(rig.lamps.size());
+    case StepKind::kShot:
+      for (const int camera : step.cameras) {
+        if (camera >= static_cast<int>(rig.cameras.size())) return false;
+        const Camera& c = rig.cameras[camera];
+        if (!(step.exposure_s >= c.min_exposure_s && step.exposure_s <= c.max_exposure_s)) {
+          return false;
+        }
+      }
+      return !step.cameras.empty();
+  }
+  return false;
+}
+
+}  // namespace
+
+double MoveSeconds(const Axis& axis, double distance_rad) {
+  const double d = std::abs(distance_rad), v = axis.max_velocity_rad_s;
+  const double a = axis.acceleration_rad_s2;
+  // Too short to reach full speed: a triangle.
+  if (d * a < v * v) return 2 * std::sqrt(d / a);
+  return d / v + v / a;
+}
+
+std::string PackPlan(const CompiledPlan& plan) {
+  ByteWriter out;
+  out.Put(kMagic).Put(kVersion).PutString(plan.name).PutString(plan.sample_name);
+  out.PutString(plan.rig_sha256);
+  out.Put<int32_t>(plan.product.width_px).Put<int32_t>(plan.product.height_px);
+  out.Put(plan.product.pitch_mm).Put(plan.product.h_ref_mm);
+  out.Put(plan.shots).Put(plan.frames).Put(plan.frame_bytes).Put(plan.seconds);
+  out.Put(plan.lamp_seconds).Put(plan.frames_blocked);
+  out.Put(static_cast<uint32_t>(plan.steps.size()));
+  for (const Step& step : plan.steps) {
+    out.Put(static_cast<uint8_t>(step.kind)).Put(static_cast<uint8_t>(step.axis_rad.size()));
+    for (const double a : step.axis_rad) out.Put(a);
+    out.Put<int32_t>(step.lamp).Put(step.shot).Put(step.exposure_s);
+    out.Put(static_cast<uint16_t>(step.cameras.size()));
+    for (const int camera : step.cameras) out.Put(static_cast<uint16_t>(camera));
+  }
+  return out.Take();
+}
+
+StatusOr<CompiledPlan> UnpackPlan(std::string_view bytes, const Rig& rig) {
+  ByteReader in(bytes);
+  if (in.Get<uint32_t>() != kMagic) return InvalidArgument("plan.bin: not a compiled plan");
+  if (const auto version = in.Get<uint16_t>(); version != kVersion) {
+    return InvalidArgument("plan.bin: version {}, this program reads {}", version, kVersion);
+  }
+  CompiledPlan plan;
+  plan.name = in.GetString();
+  plan.sample_name = in.GetString();
+  plan.rig_sha256 = in.GetString();
+  plan.product.width_px = in.Get<int32_t>();
+  plan.product.height_px = in.Get<int32_t>();
+  plan.product.pitch_mm = in.Get<double>();
+  plan.product.h_ref_mm = in.Get<double>();
+  plan.shots = in.Get<uint32_t>();
+  plan.frames = in.Get<uint32_t>();
+  plan.frame_bytes = in.Get<uint64_t>();
+  plan.seconds = in.Get<double>();
+  plan.lamp_seconds = in.Get<double>();
+  plan.frames_blocked = in.Get<uint32_t>();
+  const auto count = in.Get<uint32_t>();
+  if (!in.ok() || count > kMaxSteps) return InvalidArgument("plan.bin: damaged header");
+  if (plan.rig_sha256 != rig.sha256) {
+    return InvalidArgument("plan.bin: compiled for another rig ({}, not {})", plan.rig_sha256,
+                           rig.sha256);
+  }
+  for (uint32_t i = 0; i < count && in.ok(); ++i) {
+    plan.steps.push_back(ReadStep(in));
+    if (!in.ok() || !FitsRig(plan.steps.back(), rig)) {
+      return InvalidArgument("plan.bin: step {} of {} is damaged or does not fit the rig", i, count);
+    }
+  }
+  if (!in.done()) return InvalidArgument("plan.bin: {} bytes too many", in.remaining());
+  return plan;
+}
+
+}  // namespace mesorig

@@ -1,0 +1,65 @@
+#pragma once
+// A compiled plan: the steps that the sequencer runs, and what they will take. Compiled once,
+// stored as `plan.bin` with its SHA-256; what runs is exactly what was checked.
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol/base/status.h"
+#include "protocol/rig/rig.h"
+
+namespace mesorig {
+
+// What the session produces: the crop is centred on the sample frame's origin.
+struct Product {
+  int width_px = 0, height_px = 0;
+  double pitch_mm = 0;
+  double h_ref_mm = 0;  // reference plane, above the top of the mesostructure
+};
+
+enum class StepKind : uint8_t {
+  kMoveAxes = 1,  // all axes to axis_rad, waits until every one is there
+  kLamp = 2,      // switches to `lamp` alone (-1: all off) and waits until its light is steady
+  kShot = 3,      // one trigger of `cameras`, all with exposure_s
+};
+
+struct Step {
+  StepKind kind{};
+  std::vector<double> axis_rad;  // kMoveAxes: one per Rig::axes
+  int lamp = -1;                 // kLamp
+  uint32_t shot = 0;             // kShot: 0-based, in order of running
+  double exposure_s = 0;         // kShot
+  std::vector<int> cameras;      // kShot: indices into Rig::cameras, ascending
+};
+
+struct CompiledPlan {
+  std::string name, sample_name;
+  std::string rig_sha256;
+  Product product;
+  std::vector<Step> steps;
+  // Totals.
+  uint32_t shots = 0, frames = 0;
+  uint64_t frame_bytes = 0;   // pixels of all frames
+  double seconds = 0;         // estimate in rig time, homing excluded
+  double lamp_seconds = 0;
+  uint32_t frames_blocked = 0;  // left out: a solid stands in the camera's view or the lamp's beam
+};
+
+// Reads a plan file and compiles it for this rig. NotFound or InvalidArgument with
+// file:line:column: unknown keys, axis limits, unknown lamps and cameras, exposures that a camera
+// cannot do, a direction that nothing can see.
+StatusOr<CompiledPlan> CompilePlanFile(const std::filesystem::path& path, const Rig& rig);
+StatusOr<CompiledPlan> CompilePlan(std::string_view text, std::string_view name, const Rig& rig);
+
+// `plan.bin`: equal plans give equal bytes.
+std::string PackPlan(const CompiledPlan& plan);
+// InvalidArgument for bytes that are no plan or name axes, lamps or cameras that the rig lacks.
+StatusOr<CompiledPlan> UnpackPlan(std::string_view bytes, const Rig& rig);
+
+// Time of a trapezoidal (or triangular) move of `axis` over `distance_rad`, s.
+double MoveSeconds(const Axis& axis, double distance_rad);
+
+}  // namespace mesorig

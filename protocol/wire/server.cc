@@ -1,0 +1,21 @@
+#include "protocol/wire/server.h"
+
+#include <grpcpp/grpcpp.h>
+
+namespace mesorig::wire {
+
+StatusOr<std::unique_ptr<grpc::Server>> StartServer(PublishedEndpoint& endpoint,
+                                                    const std::vector<grpc::Service*>& services) {
+  const std::string address = "unix:" + endpoint.socket_path().string();
+  grpc::ServerBuilder builder;
+  int bound = 0;
+  builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &bound);
+  builder.SetMaxReceiveMessageSize(64 << 20);
+  for (grpc::Service* service : services) builder.RegisterService(service);
+  std::unique_ptr<grpc::Server> server = builder.BuildAndStart();
+  if (server == nullptr) return FailedPrecondition("cannot listen on {}", address);
+  MESORIG_RETURN_IF_ERROR(endpoint.Publish(address));
+  return server;
+}
+
+}  // namespace mesorig::wire
