@@ -1,0 +1,74 @@
+#pragma once
+// Runs compiled plans on the rig's devices, one at a time, on a rig thread of its own.
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "daemon/device/axis.h"
+#include "daemon/device/camera.h"
+#include "daemon/device/digital_lines.h"
+#include "daemon/device/lamp_bank.h"
+#include "daemon/session/session.h"
+#include "protocol/base/clocks.h"
+#include "protocol/plan/plan.h"
+#include "protocol/rig/rig.h"
+
+namespace mesorig::daemon {
+
+// All devices of a rig, in the order of the rig's lists. Borrowed by the sequencer, owned by app.
+struct Devices {
+  std::vector<Axis*> axes;
+  LampBank* lamps = nullptr;
+  DigitalLines* lines = nullptr;
+  std::vector<Camera*> cameras;
+};
+
+enum class SequencerState { kIdle, kRunning, kStopping, kFault };
+
+// A value read back from the rig, with when.
+struct Reading {
+  std::string name, unit;
+  double value = 0;
+  RigTime read_at{};
+};
+
+struct SequencerStatus {
+  SequencerState state = SequencerState::kIdle;
+  std::string session_id;  // running or last
+  uint32_t shots_done = 0, shots = 0, frames = 0, frames_durable = 0;
+  double rig_s = 0, estimated_s = 0;
+  std::string message;
+  std::vector<Reading> readings;
+  RigTime now{};
+  bool deterministic = true;
+};
+
+// What happened, for clients; sequence numbers are the service's.
+struct SequencerEvent {
+  enum class Kind { kState, kStarted, kProgress, kEnded, kNote } kind = Kind::kNote;
+  SequencerStatus status;
+  bool complete = false;
+  double virtual_s = 0, wall_s = 0;
+  std::string text;
+};
+
+// Thread contract: every method from any thread; the listener is called on the sequencer's thread
+// and returns quickly.
+class Sequencer {
+ public:
+  // `deterministic` tells whether virtual time was the simulator's alone so far.
+  static std::unique_ptr<Sequencer> Create(RigClock& clock, const Rig& rig, Devices devices,
+                                           std::function<bool()> deterministic);
+  virtual ~Sequencer() = default;
+  // Starts the plan; returns at once. FailedPrecondition when one runs, or the interlock chain is
+  // open.
+  virtual Status Start(CompiledPlan plan, std::shared_ptr<Session> session) = 0;
+  // Lamps off and axes quick-stopped, at once; the session ends incomplete. OK when idle.
+  virtual Status Stop(std::string_view reason) = 0;
+  virtual SequencerStatus GetStatus() const = 0;
+  virtual void OnEvent(std::function<void(const SequencerEvent&)> listener) = 0;
+};
+
+}  // namespace mesorig::daemon

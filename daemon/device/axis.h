@@ -1,0 +1,43 @@
+#pragma once
+// A positioning axis with homing. Owned and called by one rig thread (the sequencer's); waits in
+// rig time. Angles in radians, zero at home, sign as in the rig file.
+
+#include <string>
+
+#include "protocol/base/clocks.h"
+#include "protocol/base/status.h"
+
+namespace mesorig::daemon {
+
+struct AxisReading {
+  double position_rad = 0;  // read back from the encoder
+  RigTime read_at{};        // when the device said so
+  bool enabled = false;     // drive torque is on
+  bool referenced = false;  // homed since power-on
+  bool moving = false;
+  bool fault = false;
+};
+
+class Axis {
+ public:
+  virtual ~Axis() = default;
+  virtual const std::string& name() const = 0;
+  // Configures the drive and switches torque on. Unavailable: no answer; FailedPrecondition: a
+  // fault that a fault reset does not clear.
+  virtual Status Enable() = 0;
+  virtual Status Disable() = 0;
+  // Finds the reference. Blocks until done, at most `timeout`.
+  virtual Status Home(RigTime timeout) = 0;
+  // Begins a move and returns. InvalidArgument beyond the soft limits; FailedPrecondition when not
+  // enabled or not referenced.
+  virtual Status StartMove(double target_rad) = 0;
+  // Blocks until the target is reached (read back within the rig's tolerance), at most until
+  // `deadline` (DeadlineExceeded), or until the drive reports a fault (Unavailable names it).
+  virtual Status AwaitMove(RigTime deadline) = 0;
+  // Decelerates as fast as permitted. Callable at any time from the owning thread.
+  virtual Status QuickStop() = 0;
+  // The last reading; never a commanded value.
+  virtual AxisReading Read() const = 0;
+};
+
+}  // namespace mesorig::daemon

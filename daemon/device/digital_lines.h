@@ -1,0 +1,22 @@
+#pragma once
+// Digital input lines, read by level. Inputs are normally closed: true is closed (good); a failed
+// read is an open chain.
+
+#include <functional>
+
+#include "protocol/base/clocks.h"
+#include "protocol/base/status.h"
+
+namespace mesorig::daemon {
+
+class DigitalLines {
+ public:
+  virtual ~DigitalLines() = default;
+  // The line's level now, read from the device.
+  virtual StatusOr<bool> Read(int line) = 0;
+  // `on_edge` is called under the rig clock's lock (inside Change): it stores and returns. One
+  // listener; set before the clock's first activity.
+  virtual void OnEdge(std::function<void(int line, bool level, RigTime when)> on_edge) = 0;
+};
+
+}  // namespace mesorig::daemon

@@ -1,0 +1,85 @@
+#pragma once
+// One capture session on disk. docs/files.md tells the layout.
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "protocol/base/status.h"
+#include "protocol/plan/plan.h"
+#include "protocol/rig/rig.h"
+
+namespace mesorig::daemon {
+
+// A row of the frame ledger: planned shot <-> trigger <-> camera frame <-> time <-> digest.
+struct FrameRecord {
+  uint64_t sequence = 0;  // counts this camera's rows from 1; assigned by Append
+  int camera = 0;
+  uint32_t shot = 0, trigger_id = 0;
+  uint64_t frame_id = 0, supersedes = 0;
+  int64_t exposure_start_ns = 0, exposure_end_ns = 0;
+  double exposure_s = 0;
+  std::vector<double> axis_rad, lamp_level;  // read back
+  int width = 0, height = 0, bits = 0;
+  std::string digest;      // XXH3-128 of the pixels; computed by Append
+  uint64_t offset = 0, bytes = 0;  // in the camera's segment; assigned by Append
+};
+
+struct StoredFrame {
+  FrameRecord record;
+  std::shared_ptr<const std::string> pixels;
+};
+
+enum class SessionEnd { kOpen, kComplete, kIncomplete };
+
+struct SessionSummary {
+  std::string id, plan_name, plan_sha256, rig_sha256;
+  SessionEnd end = SessionEnd::kOpen;
+  std::string reason;           // when incomplete
+  bool deterministic = true;
+  double virtual_s = 0, wall_s = 0;
+  uint32_t frames_planned = 0, frames_durable = 0;
+};
+
+// Thread contract: Append, Flush and Finish from the sequencer's thread; everything else from any
+// thread. Never blocks on consumers.
+class Session {
+ public:
+  // Creates `<root>/<id>/`. The id is made of time and plan name, unique below root.
+  static StatusOr<std::shared_ptr<Session>> Create(const std::filesystem::path& root,
+                                                   const CompiledPlan& plan, const Rig& rig);
+  // Opens an ended (or killed) one for reading.
+  static StatusOr<std::shared_ptr<Session>> Open(const std::filesystem::path& root,
+                                                 const std::string& id);
+  virtual ~Session() = default;
+
+  virtual const std::string& id() const = 0;
+  virtual const std::string& rig_toml() const = 0;
+  virtual const std::string& plan_bin() const = 0;
+  virtual SessionSummary Summary() const = 0;
+
+  // Queues the frame for its camera's segment; durable (acknowledged) within 100 ms of host time.
+  // An earlier failure of the writer comes back here: the session is then broken.
+  virtual Status Append(FrameRecord record, std::shared_ptr<const std::string> pixels) = 0;
+  // Returns when everything appended is durable.
+  virtual Status Flush() = 0;
+  // Reconciles (planned shots = triggers, frames = sum of cameras, all in the ledger, digests of
+  // what is on disk checked) and writes the end. DataLoss when the ledger does not balance.
+  virtual Status Finish(bool complete, std::string_view reason, double virtual_s, double wall_s,
+                        bool deterministic) = 0;
+
+  // Committed rows only. Waits at most `wait_ms` of host time for a row with a sequence above
+  // `cursor`; nothing: none yet, or no more (see Summary().end).
+  virtual StatusOr<std::optional<StoredFrame>> Next(int camera, uint64_t cursor, int wait_ms) = 0;
+  // Called after each group commit with the number of durable frames; one listener.
+  virtual void OnDurable(std::function<void(uint32_t frames_durable)> listener) = 0;
+};
+
+// Ids below root, oldest first.
+StatusOr<std::vector<std::string>> ListSessions(const std::filesystem::path& root);
+
+}  // namespace mesorig::daemon
