@@ -6,7 +6,9 @@
 
 #include <filesystem>
 #include <map>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "processing/btf/sampled_btf.h"
@@ -33,7 +35,10 @@ StatusOr<BtfFileInfo> ReadBtfInfo(const std::filesystem::path& path);
 // Writes the uncompressed file. Values beyond half's range are prevented by value_scale, which is
 // chosen from the largest magnitude. NaN and infinities are refused (InvalidArgument).
 Status WriteSampledBtf(const SampledBtf& btf, const std::filesystem::path& path);
-// Reads an uncompressed file. A compressed one is refused with its codec's name.
+// value_scale is 1 where the largest magnitude lies in [2^-6, 2^12], else a power of two: nothing
+// is lost to the scaling itself.
+// Reads an uncompressed file. A compressed one is refused with its codec's name, one that does not
+// fit into this machine's memory with its size.
 StatusOr<SampledBtf> ReadSampledBtf(const std::filesystem::path& path);
 
 // A named part of float or half channels, all of one size: how codecs store factors.
@@ -44,13 +49,21 @@ struct Plane {
   bool half = true;                  // stored as half, else float
   std::vector<float> values;         // [channel][row][column]
 };
-// Writes part 0 (attributes of `info`, preview) and the planes.
+// Writes part 0 (attributes of `info`; `preview` is W*H*3 linear RGB, usually the decoded image of
+// PreviewPair) and the planes. NaN, infinities and halves that overflow are refused.
 Status WriteCodedBtf(const BtfFileInfo& info, const std::vector<Plane>& planes,
-                     const std::filesystem::path& path);
+                     std::span<const float> preview, const std::filesystem::path& path);
 struct CodedBtf {
   BtfFileInfo info;
   std::map<std::string, Plane> planes;
 };
 StatusOr<CodedBtf> ReadCodedBtf(const std::filesystem::path& path);
+
+// The pair whose image stands in part 0: the present one whose view is nearest to the zenith and
+// whose light stands nearest to 35 degrees from it. {0, 0} when nothing is present.
+std::pair<int, int> PreviewPair(const BtfHeader& header, const std::vector<uint8_t>& present);
+// The size that the present samples would have as half, without any compression, bytes: the
+// numerator of every compression ratio.
+uint64_t UncompressedBytes(const BtfHeader& header, const std::vector<uint8_t>& present);
 
 }  // namespace mesorig::btf

@@ -26,6 +26,9 @@ struct BtfHeader {
   // Where the camera / lamp stood in the sample frame, mm; empty when at infinity or unknown. The
   // direction that texel p really had is Normalized(position - p); see ViewAt and LightAt.
   std::vector<Vec3> view_positions_mm, light_positions_mm;
+  // W*H, row by row from the top; 1 where the texel shows the sample, 0 where it shows something
+  // else (photographs with a mask). Empty: every texel does. Errors are counted inside it.
+  std::vector<uint8_t> mask;
   bool cosine_included = true;
   bool calibrated = true;              // false: relative code values, not sr^-1
   std::string primaries = "rig";       // colour primaries: "rig" (camera's own) or "rec709"
@@ -34,6 +37,7 @@ struct BtfHeader {
   int view_count() const { return static_cast<int>(views.size()); }
   int light_count() const { return static_cast<int>(lights.size()); }
   size_t texel_count() const { return static_cast<size_t>(width) * static_cast<size_t>(height); }
+  bool InMask(size_t texel) const { return mask.empty() || mask[texel] != 0; }
   // Centre of texel (i, j) on the reference plane, mm, sample frame.
   Vec3 TexelCentre(int i, int j) const {
     return {(i + 0.5 - width / 2.0) * pitch_mm, (height / 2.0 - j - 0.5) * pitch_mm, h_ref_mm};
@@ -43,8 +47,11 @@ struct BtfHeader {
   Vec3 LightAt(int light, Vec3 p_in_sample) const;
 };
 
+inline constexpr int kMaxSize = 16384, kMaxDirections = 16384;
+
 // InvalidArgument unless sizes are positive and bounded (W, H <= 16384; W*H*nV*nL*3 <= 2^40),
-// directions are finite unit vectors (1e-3), at least one view and one light, positions match.
+// directions are finite unit vectors (1e-3) and unique (1e-6 rad), at least one view and one light,
+// positions and mask match in length or are empty, positions, pitch and h_ref are finite.
 Status CheckHeader(const BtfHeader& header);
 
 // Dense float storage [view][light][texel][rgb], light fastest among directions, and a presence

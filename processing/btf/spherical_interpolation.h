@@ -21,10 +21,13 @@ struct DirectionWeights {
 class DirectionInterpolator {
  public:
   // Delaunay triangulation of the directions on the sphere. Works for one direction, for two, for
-  // collinear (one great circle) ones. InvalidArgument for none or for one that is not finite.
+  // collinear (one great circle) ones; of directions that coincide (5e-5 rad) only the first is
+  // ever chosen. InvalidArgument for none or for one that is zero or not finite.
   static StatusOr<DirectionInterpolator> Build(const std::vector<Vec3>& directions);
   // Barycentric weights in the triangle that holds d, or the nearest point of the hull for a
-  // direction beyond the measured cone. d need not be normalised; a zero or NaN direction gives
+  // direction beyond the measured cone: continuous across triangles and across the hull, exact at
+  // the measured directions. The weighted sum of the chosen directions points towards d (or towards
+  // the nearest point of the hull). d need not be normalised; a zero or NaN direction gives
   // the direction nearest to +z with weight 1.
   DirectionWeights Lookup(Vec3 d) const;
   bool Inside(Vec3 d) const;  // d lies within the measured cone
@@ -32,14 +35,19 @@ class DirectionInterpolator {
   const std::vector<Vec3>& directions() const { return directions_; }
 
  private:
-  std::vector<Vec3> directions_;
-  std::vector<std::array<int, 3>> triangles_;
-  std::vector<std::array<int, 2>> hull_;  // boundary edges
+  DirectionInterpolator() = default;
+  std::vector<Vec3> directions_;               // normalised
+  std::vector<std::array<int, 3>> triangles_;  // counter-clockwise seen from outside
+  std::vector<std::array<Vec3, 3>> inverse_;   // dual basis of each triangle: weight_k ~ inverse_k . d
+  std::vector<std::array<int, 2>> hull_;       // boundary edges; empty for one direction
+  int zenith_ = 0;                             // the direction nearest to +z
 };
 
 // Beyond the measured cone the nearest direction's value is scaled by cos(theta_l) /
-// cos(theta_nearest), and is zero below the horizon (DESIGN, "BTF value"). `nearest` is the
-// weighted direction that Lookup chose. 1 inside the cone.
+// cos(theta_nearest), and is zero below the horizon (DESIGN, "BTF value"). `chosen` is what Lookup
+// returned for l: its weighted direction is l itself inside the cone, where the scale is 1. At most
+// kMaxHorizonScale: for a nearest direction at the horizon the quotient has no bound.
+inline constexpr double kMaxHorizonScale = 4;
 double HorizonScale(const DirectionInterpolator& lights, const DirectionWeights& chosen, Vec3 l);
 
 }  // namespace mesorig::btf

@@ -1,0 +1,348 @@
+#include "processing/btf/btf_file.h"
+
+#include <unistd.h>
+
+#include <OpenEXR/ImfChannelList.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "processing/btf/btf_attributes.h"
+#include "processing/btf/exr_file.h"
+
+namespace mesorig::btf {
+namespace {
+
+constexpr std::array<const char*, 3> kRgb = {"R", "G", "B"};
+
+std::string ViewPart(int view) { return fmt::format("V{:03}", view); }
+std::string LightChannel(int light, size_t rgb) { return fmt::format("L{:03}.{}", light, kRgb[rgb]); }
+
+// Refused before it is allocated: a file of a few bytes can claim any size.
+Status CheckMemory(double bytes, const std::string& file) {
+  const double there = static_cast<double>(::sysconf(_SC_PHYS_PAGES)) *
+                       static_cast<double>(::sysconf(_SC_PAGESIZE));
+  if (bytes > there) {
+    return InvalidArgument("{}: needs {:.1f} GB of memory, this machine has {:.1f} GB", file,
+                           bytes * 1e-9, there * 1e-9);
+  }
+  return OkStatus();
+}
+
+// Part 0 of `reader`, mask included.
+StatusOr<BtfFileInfo> ReadInfo(const ExrReader& reader) {
+  MESORIG_ASSIGN_OR_RETURN(BtfFileInfo info, GetAttributes(reader.header(0), reader.name()));
+  info.file_bytes = reader.file_bytes();
+  int width = 0, height = 0;
+  MESORIG_RETURN_IF_ERROR(reader.PartSize(0, width, height));
+  if (width != info.header.width || height != info.header.height) {
+    return InvalidArgument("{}: its preview has {} x {} pixels, its attributes say {} x {}",
+                           reader.name(), width, height, info.header.width, info.header.height);
+  }
+  if (HasMask(reader.header(0))) {
+    std::vector<float> mask(info.header.texel_count());
+    MESORIG_RETURN_IF_ERROR(reader.ReadPart(0, {{"mask", mask.data(), 1, width}}));
+    info.header.mask.resize(mask.size());
+    std::transform(mask.begin(), mask.end(), info.header.mask.begin(),
+                   [](float m) { return static_cast<uint8_t>(m > 0.5f ? 1 : 0); });
+  }
+  return info;
+}
+
+// Part names must be unique for codecs to find their factors.
+StatusOr<std::map<std::string, int>> PartsByName(const ExrReader& reader) {
+  std::map<std::string, int> parts;
+  for (int part = 1; part < reader.part_count(); ++part) {
+    if (!parts.emplace(reader.PartName(part), part).second) {
+      return InvalidArgument("{}: part {} has the name of another", reader.name(), part);
+    }
+  }
+  return parts;
+}
+
+float LargestMagnitude(const SampledBtf& btf) {
+  float largest = 0;
+  for (int v = 0; v < btf.header().view_count(); ++v) {
+    for (int l = 0; l < btf.header().light_count(); ++l) {
+      if (!btf.Present(v, l)) continue;
+      for (const float value : btf.Image(v, l)) {
+        // Written so that NaN is kept.
+        if (!(std::abs(value) <= largest)) largest = std::abs(value);
+        if (std::isnan(largest)) return largest;
+      }
+    }
+  }
+  return largest;
+}
+
+// 1, or the power of two that brings the largest magnitude into [2^11, 2^12].
+double ValueScaleFor(float largest) {
+  if (largest == 0 || (largest >= 0x1p-6f && largest <= 0x1p12f)) return 1;
+  int exponent = 0;
+  std::frexp(largest, &exponent);
+  return std::ldexp(1.0, std::max(exponent - 12, -120));  // its inverse must be a float
+}
+
+std::vector<int> PresentLights(const SampledBtf& btf, int view) {
+  std::vector<int> lights;
+  for (int l = 0; l < btf.header().light_count(); ++l) {
+    if (btf.Present(view, l)) lights.push_back(l);
+  }
+  return lights;
+}
+
+// The preview is scaled so that all but its brightest hundredth fits into [0, 0.9].
+float PreviewScale(std::span<const float> preview) {
+  std::vector<float> sorted(preview.begin(), preview.end());
+  if (sorted.empty()) return 1;
+  const auto at = sorted.begin() + static_cast<std::ptrdiff_t>((sorted.size() - 1) * 99 / 100);
+  std::nth_element(sorted.begin(), at, sorted.end());
+  return *at > 0 ? 0.9f / *at : 1.0f;
+}
+
+PartToWrite PreviewPart(const BtfFileInfo& info) {
+  PartToWrite part;
+  part.name = "preview";
+  part.width = info.header.width;
+  part.height = info.header.height;
+  part.channels = {"R", "G", "B"};
+  if (!info.header.mask.empty()) part.channels.push_back("mask");
+  PutAttributes(info, part.header);
+  return part;
+}
+
+FillChannel PreviewFill(const BtfFileInfo& info, std::span<const float> preview) {
+  const float scale = PreviewScale(preview);
+  return [&info, preview, scale](size_t, size_t channel, std::vector<float>& values) {
+    for (size_t i = 0; i < values.size(); ++i) {
+      if (channel == 3) {
+        values[i] = info.header.mask[i];
+      } else if (!preview.empty()) {
+        values[i] = std::clamp(preview[3 * i + channel] * scale, 0.0f, 65000.0f);
+      }
+    }
+  };
+}
+
+BtfFileInfo RawInfo(const SampledBtf& btf, double value_scale) {
+  BtfFileInfo info;
+  info.header = btf.header();
+  info.codec = "raw";
+  info.codec_options_json = "{}";
+  info.value_scale = value_scale;
+  for (int v = 0; v < btf.header().view_count(); ++v) {
+    for (int l = 0; l < btf.header().light_count(); ++l) {
+      info.present.push_back(btf.Present(v, l) ? 1 : 0);
+    }
+  }
+  return info;
+}
+
+Status ReadView(const ExrReader& reader, const BtfFileInfo& info, int part, int view,
+                SampledBtf& btf) {
+  int width = 0, height = 0;
+  MESORIG_RETURN_IF_ERROR(reader.PartSize(part, width, height));
+  if (width != info.header.width || height != info.header.height) {
+    return InvalidArgument("{}: part {} has {} x {} pixels, the BTF has {} x {}", reader.name(),
+                           ViewPart(view), width, height, info.header.width, info.header.height);
+  }
+  std::vector<Slice<float>> slices;
+  const std::vector<int> lights = PresentLights(btf, view);
+  for (const int l : lights) {
+    float* const image = btf.MutableImage(view, l).data();
+    for (size_t c = 0; c < 3; ++c) slices.push_back({LightChannel(l, c), image + c, 3, 3 * width});
+  }
+  MESORIG_RETURN_IF_ERROR(reader.ReadPart(part, slices));
+  const auto scale = static_cast<float>(info.value_scale);
+  for (const int l : lights) {
+    for (float& value : btf.MutableImage(view, l)) {
+      value *= scale;
+      if (!std::isfinite(value)) {
+        return InvalidArgument("{}: view {}, light {} holds a value that is not finite",
+                               reader.name(), view, l);
+      }
+    }
+  }
+  return OkStatus();
+}
+
+}  // namespace
+
+StatusOr<BtfFileInfo> ReadBtfInfo(const std::filesystem::path& path) {
+  MESORIG_ASSIGN_OR_RETURN(const ExrReader reader, ExrReader::Open(path));
+  return ReadInfo(reader);
+}
+
+Status WriteSampledBtf(const SampledBtf& btf, const std::filesystem::path& path) {
+  const float largest = LargestMagnitude(btf);
+  if (!std::isfinite(largest)) {
+    return InvalidArgument("{}: the BTF holds a value that is not finite", path.string());
+  }
+  const BtfFileInfo info = RawInfo(btf, ValueScaleFor(largest));
+  const Status valid = CheckInfo(info);
+  if (!valid.ok()) return Annotate(valid, path.string());
+  std::vector<PartToWrite> parts = {PreviewPart(info)};
+  std::vector<std::pair<int, std::vector<int>>> views = {{-1, {}}};  // of each part
+  for (int v = 0; v < info.header.view_count(); ++v) {
+    const std::vector<int> lights = PresentLights(btf, v);
+    if (lights.empty()) continue;
+    PartToWrite part;
+    part.name = ViewPart(v);
+    part.width = info.header.width;
+    part.height = info.header.height;
+    for (const int l : lights) {
+      for (size_t c = 0; c < 3; ++c) part.channels.push_back(LightChannel(l, c));
+    }
+    parts.push_back(std::move(part));
+    views.emplace_back(v, lights);
+  }
+  const auto [view, light] = PreviewPair(info.header, info.present);
+  const FillChannel preview = PreviewFill(info, btf.Image(view, light));
+  const auto inverse = static_cast<float>(1 / info.value_scale);
+  return WriteExr(path, info.header.width, info.header.height, std::move(parts),
+                  [&](size_t part, size_t channel, std::vector<float>& values) {
+                    if (part == 0) return preview(part, channel, values);
+                    const auto& [v, lights] = views[part];
+                    const auto image = btf.Image(v, lights[channel / 3]);
+                    for (size_t i = 0; i < values.size(); ++i) {
+                      values[i] = image[3 * i + channel % 3] * inverse;
+                    }
+                  });
+}
+
+StatusOr<SampledBtf> ReadSampledBtf(const std::filesystem::path& path) {
+  MESORIG_ASSIGN_OR_RETURN(const ExrReader reader, ExrReader::Open(path));
+  MESORIG_ASSIGN_OR_RETURN(const BtfFileInfo info, ReadInfo(reader));
+  if (info.codec != "raw") {
+    return InvalidArgument("{}: is compressed by codec {}, an uncompressed BTF is expected",
+                           path.string(), info.codec);
+  }
+  MESORIG_ASSIGN_OR_RETURN(const auto parts, PartsByName(reader));
+  MESORIG_RETURN_IF_ERROR(
+      CheckMemory(12.0 * static_cast<double>(info.header.texel_count()) *
+                      static_cast<double>(info.present.size()),
+                  path.string()));
+  SampledBtf btf(info.header);
+  for (int v = 0; v < info.header.view_count(); ++v) {
+    bool any = false;
+    for (int l = 0; l < info.header.light_count(); ++l) {
+      const bool present = info.present[btf.PairIndex(v, l)] != 0;
+      btf.SetPresent(v, l, present);
+      any = any || present;
+    }
+    if (!any) continue;
+    const auto part = parts.find(ViewPart(v));
+    if (part == parts.end()) {
+      return InvalidArgument("{}: part {} is missing", path.string(), ViewPart(v));
+    }
+    MESORIG_RETURN_IF_ERROR(ReadView(reader, info, part->second, v, btf));
+  }
+  return btf;
+}
+
+Status WriteCodedBtf(const BtfFileInfo& info, const std::vector<Plane>& planes,
+                     std::span<const float> preview, const std::filesystem::path& path) {
+  const Status valid = CheckInfo(info);
+  if (!valid.ok()) return Annotate(valid, path.string());
+  if (!preview.empty() && preview.size() != 3 * info.header.texel_count()) {
+    return InvalidArgument("{}: a preview of {} values for {} x {} texels", path.string(),
+                           preview.size(), info.header.width, info.header.height);
+  }
+  std::vector<PartToWrite> parts = {PreviewPart(info)};
+  for (const Plane& plane : planes) {
+    const size_t size = static_cast<size_t>(std::max(plane.width, 0)) *
+                        static_cast<size_t>(std::max(plane.height, 0)) * plane.channels.size();
+    if (size == 0 || plane.values.size() != size) {
+      return InvalidArgument("{}: plane {} has {} values for {} x {} x {} channels", path.string(),
+                             plane.name, plane.values.size(), plane.width, plane.height,
+                             plane.channels.size());
+    }
+    PartToWrite part;
+    part.name = plane.name;
+    part.width = plane.width;
+    part.height = plane.height;
+    part.half = plane.half;
+    part.channels = plane.channels;
+    parts.push_back(std::move(part));
+  }
+  const FillChannel fill_preview = PreviewFill(info, preview);
+  return WriteExr(path, info.header.width, info.header.height, std::move(parts),
+                  [&](size_t part, size_t channel, std::vector<float>& values) {
+                    if (part == 0) return fill_preview(part, channel, values);
+                    const float* first =
+                        planes[part - 1].values.data() + channel * values.size();
+                    std::copy(first, first + values.size(), values.begin());
+                  });
+}
+
+namespace {
+
+StatusOr<Plane> ReadPlane(const ExrReader& reader, int part) {
+  Plane plane;
+  plane.name = reader.PartName(part);
+  MESORIG_RETURN_IF_ERROR(reader.PartSize(part, plane.width, plane.height));
+  const Imf::ChannelList& channels = reader.header(part).channels();
+  plane.half = true;
+  for (auto channel = channels.begin(); channel != channels.end(); ++channel) {
+    plane.channels.emplace_back(channel.name());
+    plane.half = plane.half && channel.channel().type == Imf::HALF;
+  }
+  const size_t texels = static_cast<size_t>(plane.width) * static_cast<size_t>(plane.height);
+  MESORIG_RETURN_IF_ERROR(
+      CheckMemory(4.0 * static_cast<double>(texels) * static_cast<double>(plane.channels.size()),
+                  reader.name()));
+  plane.values.resize(texels * plane.channels.size());
+  std::vector<Slice<float>> slices;
+  for (size_t c = 0; c < plane.channels.size(); ++c) {
+    slices.push_back({plane.channels[c], plane.values.data() + c * texels, 1, plane.width});
+  }
+  MESORIG_RETURN_IF_ERROR(reader.ReadPart(part, slices));
+  if (!std::all_of(plane.values.begin(), plane.values.end(),
+                   [](float value) { return std::isfinite(value); })) {
+    return InvalidArgument("{}: part {} holds a value that is not finite", reader.name(),
+                           plane.name);
+  }
+  return plane;
+}
+
+}  // namespace
+
+StatusOr<CodedBtf> ReadCodedBtf(const std::filesystem::path& path) {
+  MESORIG_ASSIGN_OR_RETURN(const ExrReader reader, ExrReader::Open(path));
+  CodedBtf coded;
+  MESORIG_ASSIGN_OR_RETURN(coded.info, ReadInfo(reader));
+  MESORIG_ASSIGN_OR_RETURN(const auto parts, PartsByName(reader));
+  for (const auto& [name, part] : parts) {
+    MESORIG_ASSIGN_OR_RETURN(Plane plane, ReadPlane(reader, part));
+    coded.planes.emplace(name, std::move(plane));
+  }
+  return coded;
+}
+
+std::pair<int, int> PreviewPair(const BtfHeader& header, const std::vector<uint8_t>& present) {
+  constexpr double kBestLight = 35 * kPi / 180;
+  constexpr double kViewWeight = 10;  // the view matters first
+  std::pair<int, int> best{0, 0};
+  double best_cost = std::numeric_limits<double>::infinity();
+  const size_t lights = header.lights.size();
+  for (size_t i = 0; i < present.size(); ++i) {
+    if (present[i] == 0) continue;
+    const double view_theta = AnglesFromDirection(header.views[i / lights]).theta_rad;
+    const double light_theta = AnglesFromDirection(header.lights[i % lights]).theta_rad;
+    const double cost = kViewWeight * view_theta + std::abs(light_theta - kBestLight);
+    if (cost < best_cost) {
+      best_cost = cost;
+      best = {static_cast<int>(i / lights), static_cast<int>(i % lights)};
+    }
+  }
+  return best;
+}
+
+uint64_t UncompressedBytes(const BtfHeader& header, const std::vector<uint8_t>& present) {
+  const auto pairs = static_cast<uint64_t>(
+      std::count_if(present.begin(), present.end(), [](uint8_t flag) { return flag != 0; }));
+  return pairs * header.texel_count() * 3 * 2;
+}
+
+}  // namespace mesorig::btf
