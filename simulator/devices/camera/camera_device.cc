@@ -1,0 +1,97 @@
+#include "simulator/devices/camera/camera_device.h"
+
+#include <cmath>
+
+#include "protocol/base/log.h"
+
+namespace mesorig::simulator {
+
+using sim_wire::CameraRegister;
+
+CameraDevice::CameraDevice(const Rig& rig, int index, ImageSource& source)
+    : camera_(rig.cameras[index]),
+      index_(index),
+      source_(source),
+      exposure_s_(camera_.min_exposure_s) {}
+
+void CameraDevice::Command(RigTime now, std::string_view payload, sim_wire::Outbox&) {
+  const auto trigger = sim_wire::UnpackCameraTrigger(payload);
+  if (!trigger.ok() || exposure_) {
+    spdlog::warn("camera {}: trigger ignored ({})", camera_.name,
+                 trigger.ok() ? "a frame is being taken" : Message(trigger.status()));
+    return;
+  }
+  const RigTime end = now + FromSeconds(exposure_s_);
+  exposure_ = Exposure{trigger->trigger_id, now, end, end + FromSeconds(camera_.readout_s), {}};
+}
+
+StatusOr<std::string> CameraDevice::Query(RigTime, std::string_view payload, sim_wire::Outbox&) {
+  MESORIG_ASSIGN_OR_RETURN(const auto access, sim_wire::UnpackCameraAccess(payload));
+  const double value = access.value;
+  if (access.write && exposure_) {
+    return FailedPrecondition("camera {}: busy with a frame", camera_.name);
+  }
+  switch (access.reg) {
+    case CameraRegister::kExposureS:
+      if (access.write && !(value >= camera_.min_exposure_s && value <= camera_.max_exposure_s)) {
+        return InvalidArgument("camera {}: exposure {} s, permitted is {} to {} s", camera_.name,
+                               value, camera_.min_exposure_s, camera_.max_exposure_s);
+      }
+      if (access.write) exposure_s_ = value;
+      return sim_wire::PackRegisterValue(exposure_s_);
+    case CameraRegister::kGain:
+      if (access.write && !(value > 0 && value <= 64)) {
+        return InvalidArgument("camera {}: gain {}, permitted is above 0, to 64", camera_.name,
+                               value);
+      }
+      if (access.write) gain_ = value;
+      return sim_wire::PackRegisterValue(gain_);
+    case CameraRegister::kRepeatIndex:
+      if (access.write && !(value >= 0 && value < 4294967296.0)) {
+        return InvalidArgument("camera {}: repeat index {}, permitted is 0 to 2^32 - 1",
+                               camera_.name, value);
+      }
+      if (access.write) repeat_index_ = static_cast<uint32_t>(value);
+      return sim_wire::PackRegisterValue(repeat_index_);
+  }
+  return InvalidArgument("camera {}: no such register", camera_.name);
+}
+
+RigTime CameraDevice::NextEvent() const {
+  if (!exposure_) return kNever;
+  return exposure_->scene ? exposure_->delivery : exposure_->end;
+}
+
+void CameraDevice::RunEvent(RigTime now, sim_wire::Outbox& out) {
+  if (!exposure_->scene) exposure_->scene = source_.Observe(exposure_->start, exposure_->end);
+  if (now >= exposure_->delivery) Deliver(out);
+}
+
+void CameraDevice::Deliver(sim_wire::Outbox& out) {
+  const Exposure exposure = std::move(*exposure_);
+  exposure_.reset();
+  plant::NoiseKey key = exposure.scene->key;
+  key.camera_serial = camera_.serial;
+  key.exposure_us = static_cast<uint32_t>(std::lround(exposure_s_ * 1e6));
+  key.gain = gain_;
+  key.repeat_index = repeat_index_;
+  const auto electrons = source_.ExpectedElectrons(index_, *exposure.scene, exposure_s_);
+  const auto pixels = electrons.ok() ? plant::ReadOut(camera_, *electrons, key)
+                                     : StatusOr<std::string>(electrons.status());
+  if (!pixels.ok()) {  // no frame: the daemon's deadline names the camera
+    spdlog::error("camera {}: {}", camera_.name, Message(pixels.status()));
+    return;
+  }
+  sim_wire::CameraFrame frame;
+  frame.trigger_id = exposure.trigger_id;
+  frame.frame_id = ++frames_;
+  frame.exposure_start = exposure.start;
+  frame.exposure_end = exposure.end;
+  frame.width = static_cast<uint16_t>(camera_.width);
+  frame.height = static_cast<uint16_t>(camera_.height);
+  frame.bits = static_cast<uint8_t>(camera_.bits);
+  frame.pixels = *pixels;
+  out.Send(sim_wire::Pack(frame));
+}
+
+}  // namespace mesorig::simulator

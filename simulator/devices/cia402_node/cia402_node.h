@@ -1,0 +1,82 @@
+#pragma once
+// One drive with its axis. Position in encoder counts; the world's angle is what the encoder shows
+// after homing, so that an axis that was never homed is somewhere else than it says.
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "protocol/base/clocks.h"
+#include "protocol/rig/rig.h"
+#include "protocol/sim_wire/payloads.h"
+#include "simulator/devices/cia402_node/object_dictionary.h"
+#include "simulator/plant/motion_profile.h"
+
+namespace mesorig::simulator {
+
+class Cia402Node {
+ public:
+  // power_on_counts: where the axis stands, relative to its home switch, when the rig starts.
+  Cia402Node(const Axis& axis, double power_on_counts);
+
+  void Receive(const sim_wire::CanFrame& frame, RigTime now);
+  RigTime NextEvent() const;
+  void RunEvent(RigTime now);
+  void SetPower(bool on, RigTime now);
+  std::vector<sim_wire::CanFrame> TakeOutput() { return std::exchange(output_, {}); }
+
+  // The world's view: angle from the home switch, and whether it is exactly a commanded count.
+  double WorldCounts(RigTime t) const;
+  bool Moving(RigTime t) const { return Elapsed(t) < motion_.duration_s(); }
+  bool torque_on() const { return state_ == State::kOperationEnabled; }
+  int node() const { return axis_.can_node; }
+
+ private:
+  enum class State {
+    kSwitchOnDisabled,
+    kReadyToSwitchOn,
+    kSwitchedOn,
+    kOperationEnabled,
+    kQuickStopActive,
+    kFault,
+  };
+  void Reset(RigTime now);
+  void Nmt(uint8_t command, RigTime now);
+  void Sdo(const sim_wire::CanFrame& frame, RigTime now);
+  void Controlword(uint16_t word, RigTime now);
+  void Transition(uint16_t word, RigTime now);
+  void NewSetPoint(RigTime now);
+  void StartHoming(RigTime now);
+  void NextHomingLeg(RigTime now);
+  void QuickStop(RigTime now);
+  void Fault(uint16_t emergency_code, RigTime now);
+  void StartMotion(double target, double velocity, RigTime now);
+  void StandStill(RigTime now);
+  void HeartbeatLost(RigTime now);
+  void MotionEnded(RigTime now);
+  uint16_t Statusword(RigTime now) const;
+  int32_t ActualCounts(RigTime now) const;  // what the encoder shows
+  void SendStatus(RigTime now);
+  void SendStatusIfChanged(RigTime now);
+  double Elapsed(RigTime t) const { return Seconds(t - motion_start_); }
+  uint32_t Value(uint16_t index, uint8_t sub = 0) const { return dictionary_.Get(index, sub); }
+
+  const Axis axis_;
+  ObjectDictionary dictionary_;
+  bool power_ = true;
+  bool operational_ = false;  // NMT
+  State state_ = State::kSwitchOnDisabled;
+  uint16_t controlword_ = 0, last_statusword_ = 0;
+  plant::MotionProfile motion_ = plant::MotionProfile::Standing(0);
+  RigTime motion_start_{};
+  bool motion_pending_ = false;  // its end is an event
+  double encoder_zero_ = 0;      // world counts at which the encoder shows 0
+  std::deque<std::pair<double, double>> homing_legs_;  // target (world counts), velocity
+  bool homing_ = false, homing_attained_ = false, target_reached_ = true, set_point_ack_ = false;
+  RigTime next_heartbeat_ = kNever, consumer_deadline_ = kNever, next_status_ = kNever;
+  std::vector<sim_wire::CanFrame> output_;
+};
+
+}  // namespace mesorig::simulator
