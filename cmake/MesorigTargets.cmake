@@ -42,6 +42,13 @@ function(mesorig_add_test name)
   if(arg_DEPENDS)
     add_dependencies(${name} ${arg_DEPENDS})
   endif()
+  # What the sanitizer build needs: ninja unit_tests.
+  if("unit" IN_LIST arg_LABELS)
+    if(NOT TARGET unit_tests)
+      add_custom_target(unit_tests)
+    endif()
+    add_dependencies(unit_tests ${name})
+  endif()
 endfunction()
 
 # Registries. mesorig_registry_entry(codecs view_svd "view-svd") is called by mesorig_add_codec and
