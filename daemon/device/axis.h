@@ -1,6 +1,7 @@
 #pragma once
 // A positioning axis with homing. Owned and called by one rig thread (the sequencer's); waits in
-// rig time. Angles in radians, zero at home, sign as in the rig file.
+// rig time; a wait on behalf of a plan ends with Cancelled when the StopFlag is raised
+// (stop_flag.h). Angles in radians, zero at home, sign as in the rig file.
 
 #include <string>
 
@@ -22,19 +23,23 @@ class Axis {
  public:
   virtual ~Axis() = default;
   virtual const std::string& name() const = 0;
-  // Configures the drive and switches torque on. Unavailable: no answer; FailedPrecondition: a
-  // fault that a fault reset does not clear.
+  // Configures the drive and switches torque on. DeadlineExceeded: no answer; Unavailable: the drive
+  // refuses a setting; FailedPrecondition: a fault that a fault reset does not clear.
   virtual Status Enable() = 0;
+  // Torque off, after a quick stop has come to rest. OK when it is off already.
   virtual Status Disable() = 0;
-  // Finds the reference. Blocks until done, at most `timeout`.
-  virtual Status Home(RigTime timeout) = 0;
+  // Begins to search the reference and returns. FailedPrecondition when not enabled.
+  virtual Status StartHoming() = 0;
+  // Blocks until the reference is found; errors as AwaitMove.
+  virtual Status AwaitHoming(RigTime deadline) = 0;
   // Begins a move and returns. InvalidArgument beyond the soft limits; FailedPrecondition when not
   // enabled or not referenced.
   virtual Status StartMove(double target_rad) = 0;
   // Blocks until the target is reached (read back within the rig's tolerance), at most until
   // `deadline` (DeadlineExceeded), or until the drive reports a fault (Unavailable names it).
   virtual Status AwaitMove(RigTime deadline) = 0;
-  // Decelerates as fast as permitted. Callable at any time from the owning thread.
+  // Commands the fastest permitted deceleration and returns without waiting. Callable at any time
+  // from the owning thread, also while the StopFlag is raised.
   virtual Status QuickStop() = 0;
   // The last reading; never a commanded value.
   virtual AxisReading Read() const = 0;

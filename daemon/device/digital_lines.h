@@ -12,7 +12,7 @@ namespace mesorig::daemon {
 class DigitalLines {
  public:
   virtual ~DigitalLines() = default;
-  // The line's level now, read from the device.
+  // The line's level now, read from the device. Any thread.
   virtual StatusOr<bool> Read(int line) = 0;
   // `on_edge` is called under the rig clock's lock (inside Change): it stores and returns. One
   // listener; set before the clock's first activity.

@@ -1,0 +1,205 @@
+#include "daemon/bus/modbus_bus.h"
+
+#include <absl/strings/numbers.h>
+#include <modbus/modbus.h>
+
+#include <algorithm>
+#include <cerrno>
+
+#include "protocol/base/log.h"
+
+namespace mesorig::daemon {
+namespace {
+
+// An exception that the slave answered; the connection is good.
+bool IsSlaveException(int error) { return error >= EMBXILFUN && error <= EMBXGTAR; }
+
+Status Failed(std::string_view request) {
+  const int error = errno;
+  const std::string text = fmt::format("{}: {}", request, modbus_strerror(error));
+  // Aborted marks what the slave itself refused: connecting again would not help.
+  return IsSlaveException(error) ? absl::AbortedError(text) : absl::UnavailableError(text);
+}
+
+Status WriteCoilsNow(modbus_t* context, int first, const std::vector<uint8_t>& values) {
+  if (modbus_write_bits(context, first, static_cast<int>(values.size()), values.data()) < 0) {
+    return Failed(fmt::format("writing coils {}..{}", first, first + values.size() - 1));
+  }
+  return OkStatus();
+}
+
+}  // namespace
+
+void ModbusBus::ContextDeleter::operator()(_modbus* context) const {
+  modbus_close(context);
+  modbus_free(context);
+}
+
+StatusOr<std::unique_ptr<ModbusBus>> ModbusBus::Connect(RigClock& clock, std::string_view endpoint,
+                                                        ModbusBusOptions options) {
+  const size_t colon = endpoint.rfind(':');
+  int port = 0;
+  if (colon == endpoint.npos || colon == 0 ||
+      !absl::SimpleAtoi({endpoint.data() + colon + 1, endpoint.size() - colon - 1}, &port) ||
+      port < 1 || port > 65535) {
+    return InvalidArgument("Modbus endpoint \"{}\" is not HOST:PORT with a port in [1, 65535]",
+                           endpoint);
+  }
+  const std::string host(endpoint.substr(0, colon));
+  Context context(modbus_new_tcp(host.c_str(), port));
+  if (context == nullptr) {
+    return InvalidArgument("Modbus endpoint \"{}\": {}", endpoint, modbus_strerror(errno));
+  }
+  const auto timeout_us =
+      std::chrono::duration_cast<std::chrono::microseconds>(options.response_timeout).count();
+  modbus_set_response_timeout(context.get(), static_cast<uint32_t>(timeout_us / 1'000'000),
+                              static_cast<uint32_t>(timeout_us % 1'000'000));
+  if (modbus_set_slave(context.get(), options.unit) < 0) {
+    return InvalidArgument("Modbus unit {} is not in [1, 247]", options.unit);
+  }
+  if (modbus_connect(context.get()) < 0) {
+    return Unavailable("Modbus {}: {}", endpoint, modbus_strerror(errno));
+  }
+  return std::unique_ptr<ModbusBus>(
+      new ModbusBus(clock, std::string(endpoint), std::move(context), options));
+}
+
+ModbusBus::ModbusBus(RigClock& clock, std::string endpoint, Context context,
+                     ModbusBusOptions options)
+    : clock_(clock),
+      endpoint_(std::move(endpoint)),
+      options_(options),
+      context_(std::move(context)),
+      thread_(clock, "modbus", [this] { Run(); }) {}
+
+ModbusBus::~ModbusBus() {
+  clock_.Change([&] { closing_ = true; });
+}
+
+Status ModbusBus::WriteCoils(int first, std::vector<uint8_t> values) {
+  auto job = std::make_shared<Job>();
+  job->writes = true;
+  job->work = [first, values = std::move(values)](modbus_t* context) {
+    return WriteCoilsNow(context, first, values);
+  };
+  return Enqueue(job);
+}
+
+StatusOr<std::vector<uint16_t>> ModbusBus::ReadInputRegisters(int first, int count) {
+  auto job = std::make_shared<Job>();
+  auto values = std::make_shared<std::vector<uint16_t>>(count);  // outlives a caller that is gone
+  job->work = [first, count, values](modbus_t* context) {
+    if (modbus_read_input_registers(context, first, count, values->data()) != count) {
+      return Failed(fmt::format("reading input registers {}..{}", first, first + count - 1));
+    }
+    return OkStatus();
+  };
+  MESORIG_RETURN_IF_ERROR(Enqueue(job));
+  return std::move(*values);
+}
+
+Status ModbusBus::Enqueue(const std::shared_ptr<Job>& job) {
+  clock_.Change([&] { jobs_.push_back(job); });
+  clock_.WaitUntil(kNever, [&] { return job->done; });
+  return job->result;
+}
+
+Status ModbusBus::WriteCoilsAtOnce(int first, std::vector<uint8_t> values) {
+  auto job = std::make_shared<Job>();
+  job->writes = true;
+  job->work = [first, values = std::move(values)](modbus_t* context) {
+    return WriteCoilsNow(context, first, values);
+  };
+  std::future<void> finished = job->finished.get_future();
+  clock_.Change([&] {
+    std::erase_if(jobs_, [](const auto& waiting) {
+      if (!waiting->writes) return false;
+      waiting->result = Cancelled("overtaken by a switch-off");
+      waiting->done = true;
+      waiting->finished.set_value();
+      return true;
+    });
+    jobs_.push_front(job);
+  });
+  // One request may be on the wire, and each may time out, connect again and time out again.
+  const auto limit = options_.response_timeout * 6;
+  if (finished.wait_for(limit) != std::future_status::ready) {
+    return DeadlineExceeded("Modbus {}: switch-off not done within {} ms", endpoint_,
+                            limit.count());
+  }
+  return job->result;
+}
+
+std::shared_ptr<ModbusBus::Job> ModbusBus::TakeJob() {
+  std::shared_ptr<Job> job;
+  clock_.Change([&] {
+    if (jobs_.empty()) return;
+    job = jobs_.front();
+    jobs_.pop_front();
+  });
+  return job;
+}
+
+void ModbusBus::Finish(const std::shared_ptr<Job>& job, Status result) {
+  clock_.Change([&] {
+    job->result = std::move(result);
+    job->done = true;
+  });
+  job->finished.set_value();
+}
+
+void ModbusBus::Run() {
+  last_telegram_ = last_request_ = clock_.Now();
+  for (;;) {
+    const bool silent = options_.keep_alive == kNever ||
+                        last_telegram_ - last_request_ > options_.keep_alive_limit;
+    const RigTime due = silent ? kNever : last_telegram_ + options_.keep_alive;
+    clock_.WaitUntil(due, [&] { return closing_ || !jobs_.empty(); });
+    if (const auto job = TakeJob()) {
+      last_telegram_ = last_request_ = clock_.Now();
+      Finish(job, Annotate(Execute(job->work), fmt::format("Modbus {}", endpoint_)));
+      continue;
+    }
+    bool closing = false;
+    clock_.Read([&] { closing = closing_; });
+    if (closing) return;
+    last_telegram_ = clock_.Now();
+    KeepAlive();
+  }
+}
+
+Status ModbusBus::EnsureConnected() {
+  if (connected_) return OkStatus();
+  if (modbus_connect(context_.get()) < 0) return Failed("connecting");
+  connected_ = true;
+  return OkStatus();
+}
+
+// Every request is idempotent: one that failed on a lost connection is sent once more on a new one.
+Status ModbusBus::Execute(const std::function<Status(_modbus*)>& work) {
+  Status status;
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    status = EnsureConnected();
+    if (!status.ok()) return status;
+    status = work(context_.get());
+    if (status.ok()) return status;
+    if (absl::IsAborted(status)) return absl::UnavailableError(status.message());
+    modbus_close(context_.get());  // a late answer must not be taken for the next one's
+    connected_ = false;
+  }
+  return status;
+}
+
+void ModbusBus::KeepAlive() {
+  const Status status = Execute([](modbus_t* context) {
+    uint16_t value = 0;
+    return modbus_read_input_registers(context, 0, 1, &value) == 1 ? OkStatus()
+                                                                   : Failed("keep-alive read");
+  });
+  if (!status.ok() && !keep_alive_failed_) {
+    spdlog::warn("Modbus {}: {}", endpoint_, Message(status));
+  }
+  keep_alive_failed_ = !status.ok();
+}
+
+}  // namespace mesorig::daemon

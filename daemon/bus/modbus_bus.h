@@ -1,0 +1,85 @@
+#pragma once
+// Owner of one Modbus connection (libmodbus, Modbus application protocol V1.1b3 over TCP): a rig
+// thread with a queue of jobs. libmodbus blocks; the thread runs meanwhile, so that virtual time
+// stands still (docs/lockstep.md). While its owner works, the bus sends a keep-alive read so that
+// the slave's communication-loss timeout does not fire during long moves; when the owner has asked
+// for nothing for `keep_alive_limit`, it stops, and the slave's timeout acts.
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <future>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "daemon/device/rig_thread.h"
+#include "protocol/base/status.h"
+
+struct _modbus;
+
+namespace mesorig::daemon {
+
+struct ModbusBusOptions {
+  int unit = 1;
+  RigTime keep_alive = kNever;                                   // period; kNever: none
+  RigTime keep_alive_limit = std::chrono::minutes(2);
+  std::chrono::milliseconds response_timeout{1000};              // host time
+};
+
+// Thread-safe. Reads and writes are for rig threads (they wait in the rig clock); WriteCoilsAtOnce
+// is for any thread. Errors: Unavailable names the endpoint, the request and libmodbus' reason.
+class ModbusBus {
+ public:
+  // `endpoint` is "HOST:PORT" with a numeric host. Connects; Unavailable when nobody listens.
+  static StatusOr<std::unique_ptr<ModbusBus>> Connect(RigClock& clock, std::string_view endpoint,
+                                                      ModbusBusOptions options);
+  ~ModbusBus();
+
+  // One request: all coils change together.
+  Status WriteCoils(int first, std::vector<uint8_t> values);
+  StatusOr<std::vector<uint16_t>> ReadInputRegisters(int first, int count);
+  // Goes to the head of the queue and cancels the writes that wait there, so that nothing that was
+  // asked for earlier undoes it. Blocks the caller in host time until it is done or has failed.
+  Status WriteCoilsAtOnce(int first, std::vector<uint8_t> values);
+
+  const std::string& endpoint() const { return endpoint_; }
+
+ private:
+  struct Job {
+    std::function<Status(_modbus*)> work;
+    bool writes = false;
+    bool done = false;  // guarded by the clock's lock
+    Status result;      // set before done
+    std::promise<void> finished;
+  };
+  struct ContextDeleter {
+    void operator()(_modbus* context) const;
+  };
+  using Context = std::unique_ptr<_modbus, ContextDeleter>;
+
+  ModbusBus(RigClock& clock, std::string endpoint, Context context, ModbusBusOptions options);
+  void Run();
+  std::shared_ptr<Job> TakeJob();
+  void Finish(const std::shared_ptr<Job>& job, Status result);
+  Status Execute(const std::function<Status(_modbus*)>& work);
+  Status EnsureConnected();
+  void KeepAlive();
+  Status Enqueue(const std::shared_ptr<Job>& job);
+
+  RigClock& clock_;
+  const std::string endpoint_;
+  const ModbusBusOptions options_;
+  // Of the bus thread:
+  Context context_;
+  bool connected_ = true;
+  bool keep_alive_failed_ = false;
+  RigTime last_telegram_{}, last_request_{};
+  // Guarded by the clock's lock. Jobs are shared between the one who waits and the bus thread.
+  std::deque<std::shared_ptr<Job>> jobs_;
+  bool closing_ = false;
+  RigThread thread_;
+};
+
+}  // namespace mesorig::daemon
