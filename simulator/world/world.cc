@@ -95,6 +95,8 @@ Status World::BuildTriangles() {
 }
 
 std::optional<SurfaceHit> World::FirstHit(Vec3 origin, Vec3 direction) const {
+  const Vec3 sum = origin + direction;
+  if (!std::isfinite(sum.x + sum.y + sum.z)) return std::nullopt;
   // Enter at the box around the sample, in double: single precision then covers some 10 mm only.
   const double half = surface_.extent_mm / 2 + kMarginMm;
   double near = 0, far = std::numeric_limits<double>::infinity();
