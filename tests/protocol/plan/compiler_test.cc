@@ -1,0 +1,175 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <set>
+
+#include "protocol/base/file_writer.h"
+#include "protocol/plan/plan.h"
+#include "protocol/rig/rig_geometry.h"
+
+namespace mesorig {
+namespace {
+
+using ::testing::HasSubstr;
+
+const std::string kSource = MESORIG_SOURCE_DIR;
+
+Rig DemoRig() { return LoadRig(kSource + "/rigs/demo.toml").value(); }
+
+constexpr std::string_view kPlan = R"(name = "p"
+[sample]
+name = "s"
+[product]
+width_px = 8
+height_px = 8
+pitch_mm = 0.5
+h_ref_mm = 4
+[[grid]]
+exposure_s = 0.02
+[grid.axes.turntable]
+angles_deg = [0, 60]
+[grid.axes.light_arc]
+start_deg = 30
+step_deg = 60
+count = 3
+)";
+
+std::string Replaced(std::string_view from, std::string_view to) {
+  std::string text(kPlan);
+  text.replace(text.find(from), from.size(), to);
+  return text;
+}
+std::string ErrorOf(const std::string& text) {
+  return std::string(Message(CompilePlan(text, "p.toml", DemoRig()).status()));
+}
+
+TEST(PlanCompiler, TheDemoIs2304Frames) {
+  const Rig rig = DemoRig();
+  const auto plan = CompilePlanFile(kSource + "/plans/demo.toml", rig);
+  ASSERT_TRUE(plan.ok()) << plan.status();
+  EXPECT_EQ(plan->shots, 6u * 6 * 8);
+  EXPECT_EQ(plan->frames, 2304u);
+  EXPECT_EQ(plan->frames_blocked, 0u);
+  EXPECT_EQ(plan->frame_bytes, 2304u * rig.cameras[0].frame_bytes());
+  EXPECT_GT(plan->seconds, 288 * (0.02 + rig.cameras[0].readout_s));
+}
+
+TEST(PlanCompiler, EveryCombinationOnceEachLampAloneAndLightsOffAtTheEnd) {
+  const Rig rig = DemoRig();
+  const auto plan = CompilePlan(kPlan, "p.toml", rig);
+  ASSERT_TRUE(plan.ok()) << plan.status();
+  std::set<std::vector<double>> seen;
+  std::vector<double> at;
+  int lamp = -1;
+  uint32_t shot = 0;
+  for (const Step& step : plan->steps) {
+    if (step.kind == StepKind::kMoveAxes) at = step.axis_rad;
+    if (step.kind == StepKind::kLamp) lamp = step.lamp;
+    if (step.kind != StepKind::kShot) continue;
+    EXPECT_EQ(step.shot, shot++);
+    std::vector<double> key = at;
+    key.push_back(lamp);
+    EXPECT_TRUE(seen.insert(key).second);
+    EXPECT_GE(lamp, 0);
+  }
+  EXPECT_EQ(seen.size(), 2u * 3 * 8);
+  EXPECT_EQ(plan->steps.back().kind, StepKind::kLamp);
+  EXPECT_EQ(plan->steps.back().lamp, -1);
+}
+
+TEST(PlanCompiler, WalksToAndFro) {
+  const auto plan = CompilePlan(kPlan, "p.toml", DemoRig());
+  ASSERT_TRUE(plan.ok());
+  std::vector<double> previous;
+  for (const Step& step : plan->steps) {
+    if (step.kind != StepKind::kMoveAxes) continue;
+    if (!previous.empty()) {
+      int moved = 0;
+      for (size_t i = 0; i < previous.size(); ++i) moved += previous[i] != step.axis_rad[i];
+      EXPECT_EQ(moved, 1) << "one axis at a time, one grid step at a time";
+    }
+    previous = step.axis_rad;
+  }
+}
+
+TEST(PlanCompiler, MoveTimesByHand) {
+  Axis axis;
+  axis.max_velocity_rad_s = 2;
+  axis.acceleration_rad_s2 = 4;
+  EXPECT_DOUBLE_EQ(MoveSeconds(axis, 0), 0);
+  EXPECT_DOUBLE_EQ(MoveSeconds(axis, 0.25), 0.5) << "triangle: 2 sqrt(0.25 / 4)";
+  EXPECT_DOUBLE_EQ(MoveSeconds(axis, -1), 1) << "just reaches full speed";
+  EXPECT_DOUBLE_EQ(MoveSeconds(axis, 5), 3) << "5/2 + 2/4";
+}
+
+TEST(PlanCompiler, RefusesWithFileLineAndValue) {
+  EXPECT_THAT(ErrorOf(Replaced("angles_deg = [0, 60]", "angles_deg = [0, 9999]")),
+              HasSubstr("axis turntable to 9999 deg"));
+  EXPECT_THAT(ErrorOf(Replaced("exposure_s = 0.02", "exposure_s = 99")),
+              HasSubstr("p.toml:10:1: `exposure_s` is 99 s"));
+  EXPECT_THAT(ErrorOf(Replaced("exposure_s = 0.02", "exposure_s = 0.02\nlamps=['X']")),
+              HasSubstr("names \"X\""));
+  EXPECT_THAT(ErrorOf(Replaced("[[grid]]", "[[grid]]\nturbo = true")), HasSubstr("p.toml:10:1"));
+  EXPECT_THAT(ErrorOf(Replaced("width_px = 8", "width_px = 0")), HasSubstr("p.toml:5:1"));
+  EXPECT_THAT(ErrorOf(Replaced("count = 3", "count = 3.5")), HasSubstr("whole number"));
+  EXPECT_TRUE(absl::IsNotFound(CompilePlanFile("/nowhere.toml", DemoRig()).status()));
+}
+
+TEST(PlanBin, RoundTripsAndIsCanonical) {
+  const Rig rig = DemoRig();
+  const auto plan = CompilePlan(kPlan, "p.toml", rig).value();
+  const std::string bytes = PackPlan(plan);
+  EXPECT_EQ(bytes, PackPlan(CompilePlan(kPlan, "p.toml", rig).value()));
+  const auto read = UnpackPlan(bytes, rig);
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(PackPlan(*read), bytes);
+}
+
+TEST(PlanBin, RefusesAnotherRig) {
+  Rig rig = DemoRig();
+  const std::string bytes = PackPlan(CompilePlan(kPlan, "p.toml", rig).value());
+  rig.sha256 = "other";
+  EXPECT_THAT(std::string(Message(UnpackPlan(bytes, rig).status())), HasSubstr("another rig"));
+}
+
+// Whatever was read is within the rig's limits, or it was refused.
+TEST(PlanBin, SurvivesMutation) {
+  const Rig rig = DemoRig();
+  const std::string whole = PackPlan(CompilePlan(kPlan, "p.toml", rig).value());
+  std::mt19937 random(2);
+  int refused = 0;
+  for (int i = 0; i < 5000; ++i) {
+    std::string bytes = whole;
+    for (int k = 0; k < 3; ++k) bytes[random() % bytes.size()] = static_cast<char>(random());
+    if (random() % 3 == 0) bytes.resize(random() % bytes.size());
+    const auto plan = UnpackPlan(bytes, rig);
+    refused += !plan.ok();
+    if (!plan.ok()) continue;
+    for (const Step& step : plan->steps) {
+      for (size_t a = 0; a < step.axis_rad.size() && step.kind == StepKind::kMoveAxes; ++a) {
+        ASSERT_GE(step.axis_rad[a], rig.axes[a].min_rad);
+        ASSERT_LE(step.axis_rad[a], rig.axes[a].max_rad);
+      }
+    }
+  }
+  EXPECT_GT(refused, 2000);
+}
+
+TEST(PlanText, SurvivesMutation) {
+  const Rig rig = DemoRig();
+  std::mt19937 random(4);
+  int refused = 0;
+  for (int i = 0; i < 2000; ++i) {
+    std::string text(kPlan);
+    for (int k = 0; k < 2; ++k) text[random() % text.size()] = static_cast<char>(32 + random() % 95);
+    const auto plan = CompilePlan(text, "p.toml", rig);
+    refused += !plan.ok();
+    ASSERT_TRUE(plan.ok() || !Message(plan.status()).empty());
+  }
+  EXPECT_GT(refused, 500);
+}
+
+}  // namespace
+}  // namespace mesorig
