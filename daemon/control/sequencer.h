@@ -10,6 +10,7 @@
 #include "daemon/device/camera.h"
 #include "daemon/device/digital_lines.h"
 #include "daemon/device/lamp_bank.h"
+#include "daemon/device/stop_flag.h"
 #include "daemon/session/session.h"
 #include "protocol/base/clocks.h"
 #include "protocol/plan/plan.h"
@@ -23,6 +24,7 @@ struct Devices {
   LampBank* lamps = nullptr;
   DigitalLines* lines = nullptr;
   std::vector<Camera*> cameras;
+  StopFlag* stop = nullptr;  // the one that the devices' waits look at
 };
 
 enum class SequencerState { kIdle, kRunning, kStopping, kFault };
@@ -63,9 +65,13 @@ class Sequencer {
                                            std::function<bool()> deterministic);
   virtual ~Sequencer() = default;
   // Starts the plan; returns at once. FailedPrecondition when one runs, or the interlock chain is
-  // open.
+  // open; InvalidArgument when the plan is of another rig. A session that was refused is the
+  // caller's to finish. In kFault it is allowed: enabling the axes again resets their faults, and a
+  // fault that stays ends the session incomplete.
   virtual Status Start(CompiledPlan plan, std::shared_ptr<Session> session) = 0;
-  // Lamps off and axes quick-stopped, at once; the session ends incomplete. OK when idle.
+  // Lamps off and axes quick-stopped, at once; the session ends incomplete. Returns when the lamps
+  // are off (Unavailable when the bank does not answer), not when the session has ended. When idle:
+  // lamps off.
   virtual Status Stop(std::string_view reason) = 0;
   virtual SequencerStatus GetStatus() const = 0;
   virtual void OnEvent(std::function<void(const SequencerEvent&)> listener) = 0;

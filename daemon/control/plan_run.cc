@@ -1,0 +1,246 @@
+#include "daemon/control/plan_run.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "protocol/base/log.h"
+
+namespace mesorig::daemon {
+namespace {
+
+constexpr double kMoveMargin_s = 5;
+constexpr double kHomingMargin_s = 30;
+constexpr double kFrameMargin_s = 0.5;
+constexpr int kShotAttempts = 3;
+// Light is steady: this near to full (or to dark), and two readings this near to each other.
+constexpr double kSteadyLevel = 0.002, kSteadyChange = 0.001;
+constexpr int kPollsPerSettle = 8, kSettleTimes = 4;
+// A lamp that lost this much between settling and the shot went off (supply, communication loss).
+constexpr double kLostLevel = 0.02;
+
+}  // namespace
+
+Status PlanRun::Run() {
+  MESORIG_RETURN_IF_ERROR(Prepare());
+  for (const Step& step : plan_.steps) {
+    MESORIG_RETURN_IF_ERROR(context_.chain.Check());
+    context_.board.SetChain(context_.chain.levels());
+    MESORIG_RETURN_IF_ERROR(context_.devices.stop->Check());
+    MESORIG_RETURN_IF_ERROR(RunStep(step));
+  }
+  return WindDown();
+}
+
+Status PlanRun::Prepare() {
+  MESORIG_RETURN_IF_ERROR(context_.chain.Check());
+  context_.board.SetChain(context_.chain.levels());
+  MESORIG_RETURN_IF_ERROR(context_.devices.lamps->Open());
+  MESORIG_RETURN_IF_ERROR(context_.devices.lamps->AllOff());
+  for (Camera* camera : context_.devices.cameras) MESORIG_RETURN_IF_ERROR(camera->Open());
+  exposure_of_camera_.assign(context_.devices.cameras.size(), 0);
+  for (Axis* axis : context_.devices.axes) MESORIG_RETURN_IF_ERROR(axis->Enable());
+  return HomeAxes();
+}
+
+Status PlanRun::HomeAxes() {
+  std::vector<size_t> homing;
+  for (size_t i = 0; i < context_.devices.axes.size(); ++i) {
+    if (context_.devices.axes[i]->Read().referenced) continue;
+    MESORIG_RETURN_IF_ERROR(context_.devices.axes[i]->StartHoming());
+    homing.push_back(i);
+  }
+  const RigTime start = context_.clock.Now();
+  for (const size_t i : homing) {
+    const mesorig::Axis& axis = context_.rig.axes[i];
+    // At worst over the whole range and back.
+    const double seconds = 2 * (axis.max_rad - axis.min_rad) / axis.homing_velocity_rad_s;
+    const RigTime deadline = start + FromSeconds(seconds + kHomingMargin_s);
+    MESORIG_RETURN_IF_ERROR(context_.devices.axes[i]->AwaitHoming(deadline));
+  }
+  ReadAxes();
+  return OkStatus();
+}
+
+Status PlanRun::RunStep(const Step& step) {
+  switch (step.kind) {
+    case StepKind::kMoveAxes:
+      return MoveAxes(step);
+    case StepKind::kLamp:
+      return SwitchLamp(step.lamp);
+    case StepKind::kShot:
+      return Shoot(step);
+  }
+  return Internal("plan {}: a step of unknown kind {}", plan_.name, static_cast<int>(step.kind));
+}
+
+std::vector<double> PlanRun::ReadAxes() {
+  std::vector<double> positions;
+  for (size_t i = 0; i < context_.devices.axes.size(); ++i) {
+    const AxisReading reading = context_.devices.axes[i]->Read();
+    context_.board.SetAxis(i, reading);
+    positions.push_back(reading.position_rad);
+  }
+  return positions;
+}
+
+Status PlanRun::MoveAxes(const Step& step) {
+  const auto& axes = context_.devices.axes;
+  std::vector<RigTime> deadlines;
+  for (size_t i = 0; i < axes.size(); ++i) {
+    const double distance = step.axis_rad[i] - axes[i]->Read().position_rad;
+    MESORIG_RETURN_IF_ERROR(axes[i]->StartMove(step.axis_rad[i]));
+    deadlines.push_back(context_.clock.Now() +
+                        FromSeconds(MoveSeconds(context_.rig.axes[i], distance) + kMoveMargin_s));
+  }
+  for (size_t i = 0; i < axes.size(); ++i) {
+    MESORIG_RETURN_IF_ERROR(axes[i]->AwaitMove(deadlines[i]));
+  }
+  ReadAxes();
+  return OkStatus();
+}
+
+StatusOr<std::vector<double>> PlanRun::ReadLevels() {
+  MESORIG_ASSIGN_OR_RETURN(auto levels, context_.devices.lamps->ReadLevels());
+  if (levels.size() != context_.rig.lamps.size()) {
+    return Internal("lamp bank: {} levels of {} lamps", levels.size(), context_.rig.lamps.size());
+  }
+  context_.board.SetLevels(levels, context_.clock.Now());
+  return levels;
+}
+
+bool PlanRun::Steady(const std::vector<double>& levels) const {
+  for (size_t i = 0; i < levels.size(); ++i) {
+    const double wanted = static_cast<int>(i) == lamp_ ? 1 : 0;
+    if (!(std::abs(levels[i] - wanted) <= kSteadyLevel)) return false;
+  }
+  return true;
+}
+
+// Measures instead of sleeping: the light is steady when two readings in a row say so.
+Status PlanRun::SwitchLamp(int lamp) {
+  const auto& lamps = context_.rig.lamps;
+  lamp_ = lamp;
+  MESORIG_RETURN_IF_ERROR(
+      context_.devices.lamps->SwitchTo(lamp < 0 ? -1 : lamps[lamp].channel));
+  double settle_s = 0;  // lamps that go off count too
+  for (const auto& each : lamps) settle_s = std::max(settle_s, each.settle_s);
+  const RigTime deadline = context_.clock.Now() + FromSeconds(settle_s * kSettleTimes);
+  MESORIG_ASSIGN_OR_RETURN(std::vector<double> last, ReadLevels());
+  for (;;) {
+    const RigTime next = context_.clock.Now() + FromSeconds(settle_s / kPollsPerSettle);
+    const Status waited = context_.devices.stop->Wait(next, [] { return false; });
+    if (absl::IsCancelled(waited)) return waited;
+    MESORIG_ASSIGN_OR_RETURN(std::vector<double> levels, ReadLevels());
+    double change = 0;
+    for (size_t i = 0; i < levels.size(); ++i) {
+      change = std::max(change, std::abs(levels[i] - last[i]));
+    }
+    if (Steady(levels) && Steady(last) && change <= kSteadyChange) return OkStatus();
+    if (context_.clock.Now() >= deadline) break;
+    last = std::move(levels);
+  }
+  const std::string name = lamp < 0 ? "all lamps off" : "lamp " + lamps[lamp].name;
+  std::string levels;
+  for (const double level : last) levels += fmt::format(" {:.3f}", level);
+  return Unavailable("{}: light not steady after {:.3f} s; levels read back:{}", name,
+                     settle_s * kSettleTimes, levels);
+}
+
+Status PlanRun::ConfigureCameras(const Step& step) {
+  for (const int camera : step.cameras) {
+    if (exposure_of_camera_[camera] == step.exposure_s) continue;
+    MESORIG_RETURN_IF_ERROR(context_.devices.cameras[camera]->Configure(step.exposure_s, 0));
+    exposure_of_camera_[camera] = step.exposure_s;
+  }
+  return OkStatus();
+}
+
+Status PlanRun::Shoot(const Step& step) {
+  MESORIG_RETURN_IF_ERROR(ConfigureCameras(step));
+  std::vector<int> pending = step.cameras;
+  Status missing;
+  for (int attempt = 0; attempt < kShotAttempts; ++attempt) {
+    MESORIG_RETURN_IF_ERROR(ShootOnce(step, pending, missing));
+    if (pending.empty()) {
+      ++progress_.shots_done;
+      context_.on_progress(progress_);
+      return OkStatus();
+    }
+    context_.on_note(fmt::format("shot {}, attempt {}: {}", step.shot, attempt + 1,
+                                 Message(missing)));
+  }
+  return Unavailable("shot {}: no frame after {} triggers: {}", step.shot, kShotAttempts,
+                     Message(missing));
+}
+
+Status PlanRun::ShootOnce(const Step& step, std::vector<int>& cameras, Status& missing) {
+  axis_rad_ = ReadAxes();
+  MESORIG_ASSIGN_OR_RETURN(lamp_level_, ReadLevels());
+  if (lamp_ >= 0 && lamp_level_[lamp_] < 1 - kLostLevel) {
+    return Unavailable("lamp {}: level {:.3f} at shot {}, 1 wanted", context_.rig.lamps[lamp_].name,
+                       lamp_level_[lamp_], step.shot);
+  }
+  const uint32_t trigger = ++last_trigger_;
+  double readout_s = 0;
+  for (const int camera : cameras) {  // nothing waits between these: one instant
+    MESORIG_RETURN_IF_ERROR(context_.devices.cameras[camera]->Trigger(trigger));
+    readout_s = std::max(readout_s, context_.rig.cameras[camera].readout_s);
+  }
+  const RigTime deadline =
+      context_.clock.Now() + FromSeconds(step.exposure_s + readout_s + kFrameMargin_s);
+  std::vector<int> owing;
+  for (const int camera : cameras) {
+    auto frame = context_.devices.cameras[camera]->Await(trigger, deadline);
+    if (absl::IsDeadlineExceeded(frame.status())) {
+      missing = frame.status();
+      owing.push_back(camera);
+      continue;
+    }
+    if (!frame.ok()) return frame.status();
+    MESORIG_RETURN_IF_ERROR(session_.Append(MakeRecord(step, camera, *frame), frame->pixels));
+    ++progress_.frames;
+  }
+  cameras = std::move(owing);
+  return OkStatus();
+}
+
+FrameRecord PlanRun::MakeRecord(const Step& step, int camera, const CapturedFrame& frame) const {
+  FrameRecord record;
+  record.camera = camera;
+  record.shot = step.shot;
+  record.trigger_id = frame.trigger_id;
+  record.frame_id = frame.frame_id;
+  record.exposure_start_ns = frame.exposure_start.count();
+  record.exposure_end_ns = frame.exposure_end.count();
+  record.exposure_s = step.exposure_s;
+  record.axis_rad = axis_rad_;
+  record.lamp_level = lamp_level_;
+  record.width = frame.width;
+  record.height = frame.height;
+  record.bits = frame.bits;
+  return record;
+}
+
+Status PlanRun::WindDown() {
+  MESORIG_RETURN_IF_ERROR(context_.devices.lamps->AllOff());
+  lamp_ = -1;
+  for (Axis* axis : context_.devices.axes) MESORIG_RETURN_IF_ERROR(axis->Disable());
+  ReadAxes();
+  return ReadLevels().status();
+}
+
+void PlanRun::MakeSafe() {
+  const auto note = [&](std::string_view what, const Status& status) {
+    if (status.ok()) return;
+    spdlog::error("{}: {}", what, Message(status));
+    context_.on_note(fmt::format("{}: {}", what, Message(status)));
+  };
+  note("lamps off", context_.devices.lamps->AllOff());
+  // All of them first: a drive that does not answer must not delay the next one's stop.
+  for (Axis* axis : context_.devices.axes) note("quick stop", axis->QuickStop());
+  for (Axis* axis : context_.devices.axes) note("torque off", axis->Disable());
+  ReadAxes();
+  note("reading lamps", ReadLevels().status());
+}
+
+}  // namespace mesorig::daemon

@@ -1,0 +1,86 @@
+#include "daemon/safety/interlock_chain.h"
+
+namespace mesorig::daemon {
+namespace {
+
+constexpr std::string_view kEstop = "emergency stop", kDoor = "door";
+
+}  // namespace
+
+InterlockChain::InterlockChain(RigClock& clock, DigitalLines* lines, const Lines& numbers,
+                               StopFlag& stop)
+    : clock_(clock), lines_(lines), numbers_(numbers), stop_(stop) {
+  if (lines_ == nullptr) return;
+  lines_->OnEdge([this](int line, bool level, RigTime when) {
+    const bool of_chain = line == numbers_.estop || line == numbers_.door;
+    if (level || !of_chain) return;
+    LatchInsideChange(fmt::format("interlock chain: {} (line {}) opened at {:.3f} s",
+                                  line == numbers_.estop ? kEstop : kDoor, line, Seconds(when)));
+  });
+}
+
+InterlockChain::~InterlockChain() {
+  if (lines_ != nullptr) lines_->OnEdge([](int, bool, RigTime) {});
+}
+
+void InterlockChain::LatchInsideChange(std::string opening) {
+  if (!armed_ || !opening_.empty()) return;
+  opening_ = std::move(opening);
+  stop_.RaiseInsideChange(opening_);
+}
+
+Status InterlockChain::ReadLine(int line, std::string_view line_name, bool& closed) {
+  closed = false;
+  if (lines_ == nullptr) {
+    return FailedPrecondition("interlock chain: {} (line {}) cannot be read: the rig has no lines",
+                              line_name, line);
+  }
+  const auto level = lines_->Read(line);
+  if (!level.ok()) {
+    return FailedPrecondition("interlock chain: {} (line {}) cannot be read, so it is open: {}",
+                              line_name, line, Message(level.status()));
+  }
+  closed = *level;
+  if (closed) return OkStatus();
+  return FailedPrecondition("interlock chain: {} (line {}) is open", line_name, line);
+}
+
+Status InterlockChain::Check() {
+  Levels levels;
+  const Status estop = ReadLine(numbers_.estop, kEstop, levels.estop);
+  const Status door = ReadLine(numbers_.door, kDoor, levels.door);
+  levels.read_at = clock_.Now();
+  const Status status = estop.ok() ? door : estop;
+  clock_.Change([&] {
+    levels_ = levels;
+    if (!status.ok()) LatchInsideChange(std::string(Message(status)));
+  });
+  return status;
+}
+
+InterlockChain::Levels InterlockChain::levels() const {
+  Levels levels;
+  clock_.Read([&] { levels = levels_; });
+  return levels;
+}
+
+void InterlockChain::Arm() {
+  clock_.Change([&] {
+    armed_ = true;
+    opening_.clear();
+  });
+}
+
+void InterlockChain::Disarm() {
+  clock_.Change([&] { armed_ = false; });
+}
+
+Status InterlockChain::Opening() const {
+  Status status;
+  clock_.Read([&] {
+    if (!opening_.empty()) status = FailedPrecondition("{}", opening_);
+  });
+  return status;
+}
+
+}  // namespace mesorig::daemon
