@@ -1,0 +1,130 @@
+#include "renderer/gl/btf_texture.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "renderer/gl/shaders.h"
+
+namespace mesorig::renderer {
+namespace {
+
+// What a decoder reads.
+struct Factors {
+  int layers = 0;
+  std::vector<float> rgb;    // [layer][row][column][rgb]
+  std::vector<float> table;  // of the decoder's own meaning
+  int columns = 0;
+  std::string glsl;
+};
+
+Status CheckLayers(const BtfSource& source, size_t layers, const GlLimits& limits) {
+  const btf::BtfHeader& header = source.header();
+  if (layers > static_cast<size_t>(limits.array_layers)) {
+    return InvalidArgument(
+        "the {} BTF of {} views x {} lights needs {} texture layers; permitted by this OpenGL is "
+        "at most {}: compress it first (mesorig-btf compress --codec view-svd)",
+        source.codec(), header.view_count(), header.light_count(), layers, limits.array_layers);
+  }
+  return OkStatus();
+}
+
+// Every measured image a layer: for an uncompressed BTF, and for a codec without a GLSL decoder.
+StatusOr<Factors> ImagesAsFactors(const BtfSource& source, const GlLimits& limits) {
+  const btf::BtfHeader& header = source.header();
+  Factors factors;
+  const size_t pairs = header.views.size() * header.lights.size();
+  MESORIG_RETURN_IF_ERROR(CheckLayers(source, pairs, limits));
+  factors.layers = static_cast<int>(pairs);
+  factors.columns = header.light_count();
+  factors.glsl = kDecodeRawGlsl;
+  factors.rgb.reserve(pairs * header.texel_count() * 3);
+  for (int v = 0; v < header.view_count(); ++v) {
+    for (int l = 0; l < header.light_count(); ++l) {
+      const bool present = source.Present(v, l);
+      factors.table.push_back(present ? 1.0f : 0.0f);
+      if (present) {
+        const std::vector<float> image = source.Image(v, l);
+        factors.rgb.insert(factors.rgb.end(), image.begin(), image.end());
+      } else {
+        factors.rgb.resize(factors.rgb.size() + header.texel_count() * 3);
+      }
+    }
+  }
+  return factors;
+}
+
+}  // namespace
+
+StatusOr<LayeredTexture> MakeLayeredTexture(GLenum target, int width, int height, int layers,
+                                            const std::vector<float>& rgb,
+                                            const GlLimits& limits) {
+  if (std::max(width, height) > limits.texture_size) {
+    return InvalidArgument("the BTF has {} x {} texels; permitted by this OpenGL is at most {} a "
+                           "side", width, height, limits.texture_size);
+  }
+  float largest = 0;
+  for (float value : rgb) largest = std::max(largest, std::abs(value));
+  LayeredTexture result;
+  // Half floats reach from 6e-8 to 65504: bring the largest magnitude to [128, 256).
+  if (largest > 0) result.scale = std::exp2(std::floor(std::log2(largest)) - 7);
+  std::vector<float> scaled(rgb.size());
+  std::transform(rgb.begin(), rgb.end(), scaled.begin(),
+                 [&](float value) { return value / result.scale; });
+  GLuint name = 0;
+  glCreateTextures(target, 1, &name);
+  result.texture = GlTexture(name);
+  const int levels = std::bit_width(static_cast<unsigned>(std::max(width, height)));
+  glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+  if (target == GL_TEXTURE_2D_ARRAY) {
+    glTextureStorage3D(name, levels, GL_RGBA16F, width, height, layers);
+    glTextureSubImage3D(name, 0, 0, 0, 0, width, height, layers, GL_RGB, GL_FLOAT, scaled.data());
+  } else {
+    glTextureStorage2D(name, levels, GL_RGBA16F, width, height);
+    glTextureSubImage2D(name, 0, 0, 0, width, height, GL_RGB, GL_FLOAT, scaled.data());
+  }
+  glGenerateTextureMipmap(name);
+  glTextureParameteri(name, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
+  glTextureParameteri(name, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+  glTextureParameteri(name, GL_TEXTURE_WRAP_S, GL_REPEAT);
+  glTextureParameteri(name, GL_TEXTURE_WRAP_T, GL_REPEAT);
+  MESORIG_RETURN_IF_ERROR(
+      CheckGl(fmt::format("a texture of {} x {} x {} texels", width, height, layers)));
+  return result;
+}
+
+StatusOr<BtfTexture> BtfTexture::Create(const BtfSource& source, const GlLimits& limits) {
+  const btf::BtfHeader& header = source.header();
+  MESORIG_ASSIGN_OR_RETURN(Factors factors, ImagesAsFactors(source, limits));
+  BtfTexture result;
+  MESORIG_ASSIGN_OR_RETURN(result.layers_,
+                           MakeLayeredTexture(GL_TEXTURE_2D_ARRAY, header.width, header.height,
+                                              factors.layers, factors.rgb, limits));
+  result.bytes_ = header.texel_count() * static_cast<size_t>(factors.layers) * 8;
+  result.columns_ = factors.columns;
+  result.decode_glsl_ = std::move(factors.glsl);
+  result.table_ = MakeBuffer(factors.table);
+  DirectionTables tables;
+  tables.Append(source.views());
+  tables.Append(source.lights());
+  result.light_first_ = header.view_count();
+  result.directions_ = MakeBuffer(tables.directions);
+  result.triangles_ = MakeBuffer(tables.triangles);
+  result.hull_ = MakeBuffer(tables.hull);
+  result.map_ = MakeBuffer(tables.map);
+  MESORIG_RETURN_IF_ERROR(CheckGl("the BTF's tables"));
+  return result;
+}
+
+void BtfTexture::Bind(GLuint program) const {
+  glBindTextureUnit(0, layers_.texture.name());
+  const GLuint buffers[] = {directions_.name(), triangles_.name(), hull_.name(), map_.name(),
+                            table_.name()};
+  glBindBuffersBase(GL_SHADER_STORAGE_BUFFER, 1, 5, buffers);
+  glProgramUniform1i(program, 16, DirectionTables::kMapSize * DirectionTables::kMapSize);
+  glProgramUniform1i(program, 17, light_first_);
+  glProgramUniform1i(program, 18, columns_);
+  glProgramUniform1f(program, 19, layers_.scale);
+}
+
+}  // namespace mesorig::renderer

@@ -1,0 +1,44 @@
+#pragma once
+// A BTF's factors as an array texture with mip levels and a table, and the GLSL that decodes them.
+// Filtering layers is valid because every decoder here is linear in them at fixed directions.
+
+#include "renderer/gl/btf_source.h"
+#include "renderer/gl/context.h"
+#include "renderer/gl/direction_tables.h"
+#include "renderer/gl/gl_objects.h"
+
+namespace mesorig::renderer {
+
+// A texture of `layers` images of width x height linear RGB, repeating, mip-mapped, as half floats
+// of values / scale.
+struct LayeredTexture {
+  GlTexture texture;
+  float scale = 1;  // a power of two
+};
+// `rgb` holds W*H*3 values a layer. InvalidArgument when the size exceeds `limits`.
+StatusOr<LayeredTexture> MakeLayeredTexture(GLenum target, int width, int height, int layers,
+                                            const std::vector<float>& rgb, const GlLimits& limits);
+
+// Lives on the context's thread; keeps nothing of the source.
+class BtfTexture {
+ public:
+  // InvalidArgument when the BTF does not fit an array texture of this driver; Unavailable when
+  // there is no memory for it.
+  static StatusOr<BtfTexture> Create(const BtfSource& source, const GlLimits& limits);
+  // Defines btf_layers (unit 0) and vec3 DecodeBtf(vec2 uv, float level, ivec3 v, vec3 v_weight,
+  // ivec3 l, vec3 l_weight).
+  const std::string& decode_glsl() const { return decode_glsl_; }
+  // Binds texture unit 0 and storage buffers 1..5, and sets the decoder's uniforms of `program`.
+  void Bind(GLuint program) const;
+  size_t bytes() const { return bytes_; }  // of the finest level
+
+ private:
+  LayeredTexture layers_;
+  GlBuffer table_, directions_, triangles_, hull_, map_;
+  int columns_ = 0;      // stride of the table
+  int light_first_ = 0;  // where the lights start among the directions
+  std::string decode_glsl_;
+  size_t bytes_ = 0;
+};
+
+}  // namespace mesorig::renderer

@@ -1,0 +1,79 @@
+#include "renderer/gl/cpu_check.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+namespace mesorig::renderer {
+namespace {
+
+int Wrapped(double index, int size) {
+  return static_cast<int>(index - std::floor(index / size) * size) % size;
+}
+
+// Value at texture coordinates, bilinear between texel centres (OpenGL 4.5, 8.14.2).
+std::array<double, 3> Bilinear(const BtfSource& source, double u, double v, Vec3 view, Vec3 light) {
+  const btf::BtfHeader& header = source.header();
+  const double x = u * header.width - 0.5, y = v * header.height - 0.5;
+  const double x0 = std::floor(x), y0 = std::floor(y);
+  std::array<double, 3> sum{};
+  for (int j = 0; j < 2; ++j) {
+    for (int i = 0; i < 2; ++i) {
+      const double weight = (i == 0 ? 1 - (x - x0) : x - x0) * (j == 0 ? 1 - (y - y0) : y - y0);
+      const auto value = source.Evaluate(Wrapped(x0 + i, header.width),
+                                         Wrapped(y0 + j, header.height), view, light);
+      for (size_t c = 0; c < 3; ++c) sum[c] += weight * value[c];
+    }
+  }
+  return sum;
+}
+
+double Component(Vec3 v, size_t c) { return c == 0 ? v.x : c == 1 ? v.y : v.z; }
+
+}  // namespace
+
+std::array<double, 3> CpuRadiance(const Scene& scene, const BtfSource& source,
+                                  const Fragment& fragment) {
+  const Vec3 bitangent = Cross(fragment.normal, fragment.tangent);
+  std::array<double, 3> radiance{};
+  for (const DirectionalLight& light : scene.lights) {
+    const Vec3 l = {Dot(light.direction, fragment.tangent), Dot(light.direction, bitangent),
+                    Dot(light.direction, fragment.normal)};
+    if (l.z <= 0) continue;
+    const auto value = Bilinear(source, fragment.u, fragment.v, fragment.view, l);
+    for (size_t c = 0; c < 3; ++c) {
+      radiance[c] += scene.image.exposure * Component(light.irradiance, c) * std::max(value[c], 0.0);
+    }
+  }
+  return radiance;
+}
+
+CpuCheck CompareWithCpu(const Scene& scene, const BtfSource& source,
+                        const std::vector<Fragment>& fragments, size_t most) {
+  std::vector<const Fragment*> of_btf;
+  for (const Fragment& fragment : fragments) {
+    if (scene.objects[static_cast<size_t>(fragment.object)].material == Material::kBtf) {
+      of_btf.push_back(&fragment);
+    }
+  }
+  CpuCheck check;
+  check.fragments = std::min(most, of_btf.size());
+  double difference = 0, reference = 0;
+  const auto start = std::chrono::steady_clock::now();
+  for (size_t i = 0; i < check.fragments; ++i) {
+    const Fragment& fragment = *of_btf[i * of_btf.size() / check.fragments];
+    const auto cpu = CpuRadiance(scene, source, fragment);
+    for (size_t c = 0; c < 3; ++c) {
+      const double error = fragment.radiance[c] - cpu[c];
+      difference += error * error;
+      reference += cpu[c] * cpu[c];
+      check.max_abs = std::max(check.max_abs, std::abs(error));
+    }
+  }
+  check.cpu_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
+                     .count();
+  if (reference > 0) check.rel_error = std::sqrt(difference / reference);
+  return check;
+}
+
+}  // namespace mesorig::renderer
