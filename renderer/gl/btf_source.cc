@@ -26,14 +26,15 @@ StatusOr<BtfSource> BtfSource::FromEncoded(std::unique_ptr<codecs::EncodedBtf> e
 
 StatusOr<BtfSource> BtfSource::Load(const std::filesystem::path& path) {
   MESORIG_ASSIGN_OR_RETURN(const btf::BtfFileInfo info, btf::ReadBtfInfo(path));
-  StatusOr<BtfSource> source = Status();
+  std::unique_ptr<btf::SampledBtf> sampled;
+  std::unique_ptr<codecs::EncodedBtf> encoded;
   if (info.codec == "raw") {
-    MESORIG_ASSIGN_OR_RETURN(btf::SampledBtf sampled, btf::ReadSampledBtf(path));
-    source = FromSampled(std::move(sampled));
+    MESORIG_ASSIGN_OR_RETURN(btf::SampledBtf read, btf::ReadSampledBtf(path));
+    sampled = std::make_unique<btf::SampledBtf>(std::move(read));
   } else {
-    MESORIG_ASSIGN_OR_RETURN(auto encoded, codecs::ReadEncodedBtf(path));
-    source = FromEncoded(std::move(encoded));
+    MESORIG_ASSIGN_OR_RETURN(encoded, codecs::ReadEncodedBtf(path));
   }
+  auto source = Make(std::move(sampled), std::move(encoded));
   if (!source.ok()) return Annotate(source.status(), path.string());
   return source;
 }

@@ -65,16 +65,18 @@ void ReadSlab(TomlTable& t, Object& object) {
 
 Object ReadObject(TomlTable t) {
   Object object;
-  object.shape = t.Word("shape", {"torus", "slab"}) == "torus" ? Shape::kTorus : Shape::kSlab;
+  const std::string shape = t.Word("shape", {"torus", "slab"});
   if (t.Has("material") && t.Word("material", {"btf", "plain"}) == "plain") {
     object.material = Material::kPlain;
   }
   object.position_mm = t.VectorOr("position_mm", {}, {-1e6, 1e6});
   object.rotation_rad = RadFromDeg(1) * t.VectorOr("rotation_deg", {}, {-360, 360});
   if (t.Has("mm_per_unit")) object.mm_per_unit = t.Number("mm_per_unit", {0.001, 1e5});
-  if (object.shape == Shape::kTorus) {
+  if (shape == "torus") {
+    object.shape = Shape::kTorus;
     ReadTorus(t, object);
-  } else {
+  } else if (shape == "slab") {
+    object.shape = Shape::kSlab;
     ReadSlab(t, object);
   }
   return object;
