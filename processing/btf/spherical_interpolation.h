@@ -33,6 +33,8 @@ class DirectionInterpolator {
   bool Inside(Vec3 d) const;  // d lies within the measured cone
   const std::vector<std::array<int, 3>>& triangles() const { return triangles_; }
   const std::vector<Vec3>& directions() const { return directions_; }
+  // Edges {a, b} of the measured cone, counter-clockwise; empty for one direction.
+  const std::vector<std::array<int, 2>>& hull() const { return hull_; }
 
  private:
   DirectionInterpolator() = default;

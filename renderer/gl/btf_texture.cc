@@ -103,28 +103,24 @@ StatusOr<BtfTexture> BtfTexture::Create(const BtfSource& source, const GlLimits&
   result.bytes_ = header.texel_count() * static_cast<size_t>(factors.layers) * 8;
   result.columns_ = factors.columns;
   result.decode_glsl_ = std::move(factors.glsl);
-  result.table_ = MakeBuffer(factors.table);
   DirectionTables tables;
   tables.Append(source.views());
   tables.Append(source.lights());
-  result.light_first_ = header.view_count();
-  result.directions_ = MakeBuffer(tables.directions);
-  result.triangles_ = MakeBuffer(tables.triangles);
-  result.hull_ = MakeBuffer(tables.hull);
-  result.map_ = MakeBuffer(tables.map);
+  result.table_ = MakeBufferTexture(GL_R32F, factors.table);
+  result.direction_rows_ = MakeBufferTexture(GL_RGBA32F, tables.rows);
+  result.direction_map_ = MakeBufferTexture(GL_R32F, tables.map);
   MESORIG_RETURN_IF_ERROR(CheckGl("the BTF's tables"));
   return result;
 }
 
 void BtfTexture::Bind(GLuint program) const {
   glBindTextureUnit(0, layers_.texture.name());
-  const GLuint buffers[] = {directions_.name(), triangles_.name(), hull_.name(), map_.name(),
-                            table_.name()};
-  glBindBuffersBase(GL_SHADER_STORAGE_BUFFER, 1, 5, buffers);
+  glBindTextureUnit(2, direction_rows_.texture.name());
+  glBindTextureUnit(3, direction_map_.texture.name());
+  glBindTextureUnit(4, table_.texture.name());
   glProgramUniform1i(program, 16, DirectionTables::kMapSize * DirectionTables::kMapSize);
-  glProgramUniform1i(program, 17, light_first_);
-  glProgramUniform1i(program, 18, columns_);
-  glProgramUniform1f(program, 19, layers_.scale);
+  glProgramUniform1i(program, 17, columns_);
+  glProgramUniform1f(program, 18, layers_.scale);
 }
 
 }  // namespace mesorig::renderer

@@ -28,15 +28,14 @@ class BtfTexture {
   // Defines btf_layers (unit 0) and vec3 DecodeBtf(vec2 uv, float level, ivec3 v, vec3 v_weight,
   // ivec3 l, vec3 l_weight).
   const std::string& decode_glsl() const { return decode_glsl_; }
-  // Binds texture unit 0 and storage buffers 1..5, and sets the decoder's uniforms of `program`.
+  // Binds texture units 0 and 2 to 4, and sets the decoder's uniforms of `program`.
   void Bind(GLuint program) const;
   size_t bytes() const { return bytes_; }  // of the finest level
 
  private:
   LayeredTexture layers_;
-  GlBuffer table_, directions_, triangles_, hull_, map_;
-  int columns_ = 0;      // stride of the table
-  int light_first_ = 0;  // where the lights start among the directions
+  BufferTexture table_, direction_rows_, direction_map_;
+  int columns_ = 0;  // stride of the table
   std::string decode_glsl_;
   size_t bytes_ = 0;
 };

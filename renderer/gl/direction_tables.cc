@@ -1,5 +1,6 @@
 #include "renderer/gl/direction_tables.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 
@@ -40,43 +41,48 @@ Vec3 MapCellDirection(int i, int j) {
 }
 
 void DirectionTables::Append(const btf::DirectionInterpolator& set) {
-  const auto first_direction = static_cast<int32_t>(directions.size());
-  const auto first_triangle = static_cast<int32_t>(triangles.size() / 2);
-  const auto first_edge = static_cast<int32_t>(hull.size());
-  for (const Vec3 d : set.directions()) {
-    directions.push_back(
-        {static_cast<float>(d.x), static_cast<float>(d.y), static_cast<float>(d.z), 0});
-  }
+  const auto at = [&](int i) { return set.directions()[static_cast<size_t>(i)]; };
+  const auto row = [](Vec3 v, double w) -> std::array<float, 4> {
+    return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z),
+            static_cast<float>(w)};
+  };
   const std::vector<Edge> edges = HullOf(set);
-  std::map<int, int> begins, ends;         // hull edge by its first and by its second corner
-  std::map<Edge, int32_t> beyond;          // what lies to the left of a directed edge
-  for (size_t e = 0; e < edges.size(); ++e) {
-    begins[edges[e][0]] = static_cast<int>(e);
-    ends[edges[e][1]] = static_cast<int>(e);
-    beyond[{edges[e][1], edges[e][0]}] = -1 - (first_edge + static_cast<int32_t>(e));
+  const size_t first_edge = rows.size(), first_triangle = first_edge + 3 * edges.size();
+  const auto edge_row = [&](int e) { return static_cast<double>(first_edge) + 3 * e; };
+  const auto triangle_row = [&](int t) { return static_cast<double>(first_triangle) + 4 * t; };
+
+  std::map<int, int> begins, ends;  // hull edge by its first and by its second corner
+  std::map<Edge, double> beyond;    // the record to the left of a directed edge
+  for (int e = 0; e < static_cast<int>(edges.size()); ++e) {
+    const auto [a, b] = edges[static_cast<size_t>(e)];
+    begins[a] = e;
+    ends[b] = e;
+    beyond[{b, a}] = -1 - edge_row(e);
   }
-  for (size_t e = 0; e < edges.size(); ++e) {
-    const auto [a, b] = edges[e];
+  for (int e = 0; e < static_cast<int>(edges.size()); ++e) {
+    const auto [a, b] = edges[static_cast<size_t>(e)];
     const auto next = begins.find(b), previous = ends.find(a);
-    const auto self = static_cast<int>(e);
-    hull.push_back({first_direction + a, first_direction + b,
-                    first_edge + (next == begins.end() ? self : next->second),
-                    first_edge + (previous == ends.end() ? self : previous->second)});
+    rows.push_back(row(at(a), a));
+    rows.push_back(row(at(b), b));
+    rows.push_back(row({edge_row(next == begins.end() ? e : next->second),
+                        edge_row(previous == ends.end() ? e : previous->second), 0}, 0));
   }
-  for (size_t t = 0; t < set.triangles().size(); ++t) {
-    const auto& [a, b, c] = set.triangles()[t];
-    for (const Edge edge : {Edge{a, b}, Edge{b, c}, Edge{c, a}}) {
-      beyond[edge] = first_triangle + static_cast<int32_t>(t);
-    }
+  for (int t = 0; t < static_cast<int>(set.triangles().size()); ++t) {
+    const auto& [a, b, c] = set.triangles()[static_cast<size_t>(t)];
+    for (const Edge edge : {Edge{a, b}, Edge{b, c}, Edge{c, a}}) beyond[edge] = triangle_row(t);
   }
   for (const auto& [a, b, c] : set.triangles()) {
-    triangles.push_back({first_direction + a, first_direction + b, first_direction + c, 0});
-    triangles.push_back({beyond.at({c, b}), beyond.at({a, c}), beyond.at({b, a}), 0});
+    const double scale = 1 / Dot(at(a), Cross(at(b), at(c)));
+    rows.push_back(row(scale * Cross(at(b), at(c)), a));
+    rows.push_back(row(scale * Cross(at(c), at(a)), b));
+    rows.push_back(row(scale * Cross(at(a), at(b)), c));
+    rows.push_back(row({beyond.at({c, b}), beyond.at({a, c}), beyond.at({b, a})}, 0));
   }
   for (int j = 0; j < kMapSize; ++j) {
     for (int i = 0; i < kMapSize; ++i) {
-      map.push_back(set.triangles().empty() ? -1 - first_edge
-                                            : first_triangle + StartTriangle(set, MapCellDirection(i, j)));
+      map.push_back(static_cast<float>(set.triangles().empty()
+                                           ? -1 - edge_row(0)
+                                           : triangle_row(StartTriangle(set, MapCellDirection(i, j)))));
     }
   }
 }

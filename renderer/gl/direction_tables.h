@@ -13,23 +13,24 @@
 
 namespace mesorig::renderer {
 
-// Entries of several direction sets one after the other; every index counts from the start of the
-// whole array, so that the shader needs the place of a set's map only.
+// Records of several direction sets one after the other. Floats, so that one texel of a buffer
+// texture is one row (a software rasteriser gathers texels far faster than it reads storage
+// buffers: 7 times on a whole frame); whole numbers in them are exact. Measured directions are named by
+// their index in their own set, records by their row.
 struct DirectionTables {
   static constexpr int kMapSize = 64;  // cells along a side of a hemi-octahedral map
 
-  std::vector<std::array<float, 4>> directions;  // xyz
-  // Two entries a triangle: its corners, counter-clockwise seen from outside; then its neighbours
-  // across the edge opposite to each corner: a triangle, or -1 - edge at the hull.
-  std::vector<std::array<int32_t, 4>> triangles;
-  // Corners a and b, the edge that begins at b and the one that ends at a (itself: none). A set
-  // of one direction has the edge {a, a, itself, itself}.
-  std::vector<std::array<int32_t, 4>> hull;
-  // Per set kMapSize^2 cells, row by row: the triangle to start in, or -1 - edge where the set has
-  // no triangles.
-  std::vector<int32_t> map;
+  // A triangle is four rows: for each corner the vector whose dot product with d is d's coordinate
+  // along that corner (dual basis), and the corner's index; then, for each corner, the record
+  // across the edge opposite to it: a triangle's row, or -1 - row of a hull edge.
+  // A hull edge is three rows: its corners' directions and indices; then the edge that begins at
+  // its second corner and the one that ends at its first (itself where there is none). A set of one
+  // direction has one edge, from it to it.
+  std::vector<std::array<float, 4>> rows;
+  // Per set kMapSize^2 cells, row by row: the record to start with, coded as above.
+  std::vector<float> map;
 
-  // Appends a set: its directions start at the old directions.size(), its map at the old map.size().
+  // Appends a set; its map starts at the old map.size().
   void Append(const btf::DirectionInterpolator& set);
 };
 

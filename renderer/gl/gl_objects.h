@@ -71,6 +71,22 @@ GlBuffer MakeBuffer(const std::vector<T>& data) {
   return GlBuffer(name);
 }
 
+// A buffer that shaders read as a samplerBuffer.
+struct BufferTexture {
+  GlBuffer buffer;
+  GlTexture texture;
+};
+template <typename T>
+BufferTexture MakeBufferTexture(GLenum format, const std::vector<T>& data) {
+  BufferTexture result;
+  result.buffer = MakeBuffer(data);
+  GLuint name = 0;
+  glCreateTextures(GL_TEXTURE_BUFFER, 1, &name);
+  result.texture = GlTexture(name);
+  glTextureBuffer(name, format, result.buffer.name());
+  return result;
+}
+
 // A stage is the concatenation of its pieces, the first of which starts with #version. Internal
 // with the compiler's log: our shaders and the codecs' are our own code.
 struct ShaderStage {

@@ -124,7 +124,7 @@ Mesh MakeSlab(Vec3 size_mm, double rounding_mm) {
 
 Mesh MakeMesh(const Object& object) {
   if (object.shape == Shape::kTorus) {
-    return MakeTorus(object.major_radius_mm, object.minor_radius_mm, 256, 128);
+    return MakeTorus(object.major_radius_mm, object.minor_radius_mm, 144, 72);
   }
   return MakeSlab(object.size_mm, object.rounding_mm);
 }

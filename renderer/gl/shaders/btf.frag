@@ -1,7 +1,6 @@
 // The BTF at the fragment's own view and light. The value carries the cosine of the light: no n.l.
 
-layout(location = 16) uniform int light_map_first;  // where the lights' map starts in start_map[]
-layout(location = 17) uniform int light_first;      // where the lights start in measured[]
+layout(location = 16) uniform int light_map_first;  // where the lights' map starts in direction_map
 
 void main() {
   mat3 sample_from_world = SampleFromWorld();
@@ -13,7 +12,7 @@ void main() {
     vec3 light = sample_from_world * light_direction[i];
     if (light.z <= 0.0) continue;
     Interpolation l = Interpolate(light_map_first, light);
-    vec3 value = DecodeBtf(surface.uv, level, v.index, v.weight, l.index - light_first, l.weight);
+    vec3 value = DecodeBtf(surface.uv, level, v.index, v.weight, l.index, l.weight);
     radiance += irradiance[i] * max(value, 0.0) * HorizonScale(l.direction, light);
   }
   Finish(radiance, sample_from_world, view);

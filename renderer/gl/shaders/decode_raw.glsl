@@ -2,16 +2,16 @@
 // present. Pairs that are absent are left out and the other weights carry theirs.
 
 layout(binding = 0) uniform sampler2DArray btf_layers;
-layout(std430, binding = 5) readonly buffer BtfTable { float btf_table[]; };
-layout(location = 18) uniform int btf_columns;  // lights
-layout(location = 19) uniform float btf_scale;
+layout(binding = 4) uniform samplerBuffer btf_table;
+layout(location = 17) uniform int btf_columns;  // lights
+layout(location = 18) uniform float btf_scale;
 
 vec3 DecodeBtf(vec2 uv, float level, ivec3 v, vec3 v_weight, ivec3 l, vec3 l_weight) {
   vec4 sum = vec4(0.0);
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
       int layer = v[i] * btf_columns + l[j];
-      float weight = v_weight[i] * l_weight[j] * btf_table[layer];
+      float weight = v_weight[i] * l_weight[j] * texelFetch(btf_table, layer).r;
       if (weight > 0.0) {
         sum += weight * vec4(textureLod(btf_layers, vec3(uv, float(layer)), level).rgb, 1.0);
       }

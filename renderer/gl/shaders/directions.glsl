@@ -4,13 +4,11 @@
 const int kMapSize = 64;
 const float kMaxHorizonScale = 4.0;
 
-layout(std430, binding = 1) readonly buffer Directions { vec4 measured[]; };
-layout(std430, binding = 2) readonly buffer Triangles { ivec4 triangles[]; };
-layout(std430, binding = 3) readonly buffer Hull { ivec4 hull_edges[]; };
-layout(std430, binding = 4) readonly buffer DirectionMap { int start_map[]; };
+layout(binding = 2) uniform samplerBuffer direction_rows;
+layout(binding = 3) uniform samplerBuffer direction_map;
 
-// Three measured directions (places in measured[]), weights that sum to one, and the unit vector
-// that they stand for: the asked direction, or the nearest one of the measured cone.
+// Three measured directions, weights that sum to one, and the unit vector that they stand for: the
+// asked direction, or the nearest one of the measured cone.
 struct Interpolation {
   ivec3 index;
   vec3 weight;
@@ -24,9 +22,9 @@ int MapCell(vec3 d) {
   return c.y * kMapSize + c.x;
 }
 
-// The nearest point of a hull edge: weights of its two corners and the cosine to d.
-vec3 NearestOnEdge(ivec4 edge, vec3 d) {
-  vec3 a = measured[edge.x].xyz, b = measured[edge.y].xyz, n = cross(a, b);
+// The nearest point of a hull edge a-b: weights of its corners and the cosine to d.
+vec3 NearestOnEdge(vec3 a, vec3 b, vec3 d) {
+  vec3 n = cross(a, b);
   float alpha = dot(cross(d, b), n), beta = dot(cross(a, d), n);
   if (alpha >= 0.0 && beta >= 0.0 && alpha + beta > 0.0) {
     vec2 w = vec2(alpha, beta) / (alpha + beta);
@@ -36,40 +34,44 @@ vec3 NearestOnEdge(ivec4 edge, vec3 d) {
   return to_a >= to_b ? vec3(1.0, 0.0, to_a) : vec3(0.0, 1.0, to_b);
 }
 
+// Slides along the hull from an edge while that comes nearer to d.
 Interpolation NearestOnHull(int edge, vec3 d) {
-  vec3 best = NearestOnEdge(hull_edges[edge], d);
-  for (int step = 0; step < 64; ++step) {  // slide along the hull while it comes nearer
-    ivec4 e = hull_edges[edge];
-    if (best.x > 0.0 && best.y > 0.0) break;
-    int other = best.y > 0.0 ? e.z : e.w;
-    vec3 point = NearestOnEdge(hull_edges[other], d);
-    if (other == edge || point.z <= best.z + 1e-7) break;
-    edge = other;
+  vec4 a = vec4(0.0), b = vec4(0.0);
+  vec3 best = vec3(0.0, 0.0, -2.0);
+  for (int step = 0; step < 64; ++step) {
+    vec4 next_a = texelFetch(direction_rows, edge), next_b = texelFetch(direction_rows, edge + 1);
+    vec3 point = NearestOnEdge(next_a.xyz, next_b.xyz, d);
+    if (point.z <= best.z + 1e-7) break;
     best = point;
+    a = next_a;
+    b = next_b;
+    if (best.x > 0.0 && best.y > 0.0) break;
+    vec4 links = texelFetch(direction_rows, edge + 2);
+    edge = int(best.y > 0.0 ? links.x : links.y);
   }
-  ivec4 e = hull_edges[edge];
-  vec3 q = normalize(best.x * measured[e.x].xyz + best.y * measured[e.y].xyz);
-  return Interpolation(ivec3(e.x, e.y, e.x), vec3(best.xy, 0.0), q);
+  return Interpolation(ivec3(int(a.w), int(b.w), int(a.w)), vec3(best.xy, 0.0),
+                       normalize(best.x * a.xyz + best.y * b.xyz));
 }
 
 // d is a unit vector; map_first is where the map of its direction set starts.
 Interpolation Interpolate(int map_first, vec3 d) {
-  int at = start_map[map_first + MapCell(d)];
-  ivec4 corners = ivec4(0);
-  vec3 w = vec3(0.0);
+  int at = int(texelFetch(direction_map, map_first + MapCell(d)).r);
+  ivec3 corners = ivec3(0);
+  vec3 w = vec3(1.0, 0.0, 0.0);
   for (int step = 0; step < 256 && at >= 0; ++step) {
-    corners = triangles[2 * at];
-    vec3 a = measured[corners.x].xyz, b = measured[corners.y].xyz, c = measured[corners.z].xyz;
-    w = vec3(dot(d, cross(b, c)), dot(d, cross(c, a)), dot(d, cross(a, b)));
-    w /= dot(a, cross(b, c));
+    vec4 a = texelFetch(direction_rows, at), b = texelFetch(direction_rows, at + 1),
+         c = texelFetch(direction_rows, at + 2);
+    corners = ivec3(int(a.w), int(b.w), int(c.w));
+    w = vec3(dot(d, a.xyz), dot(d, b.xyz), dot(d, c.xyz));
     float lowest = min(w.x, min(w.y, w.z));
     if (lowest >= -1e-6) break;
-    ivec4 neighbours = triangles[2 * at + 1];
-    at = lowest == w.x ? neighbours.x : lowest == w.y ? neighbours.y : neighbours.z;
+    vec4 beyond = texelFetch(direction_rows, at + 3);
+    at = int(lowest == w.x ? beyond.x : lowest == w.y ? beyond.y : beyond.z);
   }
-  if (at < 0) return NearestOnHull(-1 - at, d);
   w = max(w, 0.0);
-  return Interpolation(corners.xyz, w / (w.x + w.y + w.z), d);
+  w /= w.x + w.y + w.z;
+  if (at >= 0) return Interpolation(corners, w, d);
+  return NearestOnHull(-1 - at, d);
 }
 
 // Beyond the measured cone of lights: the nearest direction's value scaled by the cosines, zero

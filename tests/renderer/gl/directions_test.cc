@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <optional>
 #include <random>
 
 #include "renderer/gl/context.h"
@@ -44,13 +45,14 @@ StatusOr<std::vector<Answer>> AskShader(const btf::DirectionInterpolator& first,
       const GlProgram program,
       BuildProgram("harness",
                    {{GL_COMPUTE_SHADER, {"#version 450 core\n", kDirectionsGlsl, kHarness}}}));
-  const GlBuffer directions = MakeBuffer(tables.directions), triangles = MakeBuffer(tables.triangles),
-                 hull = MakeBuffer(tables.hull), map = MakeBuffer(tables.map),
-                 questions = MakeBuffer(asked),
+  const BufferTexture rows = MakeBufferTexture(GL_RGBA32F, tables.rows),
+                      map = MakeBufferTexture(GL_R32F, tables.map);
+  const GlBuffer questions = MakeBuffer(asked),
                  answers = MakeBuffer(std::vector<std::array<float, 8>>(asked.size()));
-  const GLuint names[] = {directions.name(), triangles.name(), hull.name(), map.name(), 0,
-                          questions.name(), answers.name()};
-  glBindBuffersBase(GL_SHADER_STORAGE_BUFFER, 1, 7, names);
+  glBindTextureUnit(2, rows.texture.name());
+  glBindTextureUnit(3, map.texture.name());
+  const GLuint names[] = {questions.name(), answers.name()};
+  glBindBuffersBase(GL_SHADER_STORAGE_BUFFER, 6, 2, names);
   glProgramUniform1i(program.name(), 0, DirectionTables::kMapSize * DirectionTables::kMapSize);
   glUseProgram(program.name());
   glDispatchCompute(static_cast<GLuint>(asked.size() + 63) / 64, 1, 1);
@@ -59,12 +61,11 @@ StatusOr<std::vector<Answer>> AskShader(const btf::DirectionInterpolator& first,
   glGetNamedBufferSubData(answers.name(), 0, static_cast<GLsizeiptr>(raw.size() * 32), raw.data());
   MESORIG_RETURN_IF_ERROR(CheckGl("harness"));
   std::vector<Answer> result;
-  const int offset = static_cast<int>(first.directions().size());
   for (const auto& r : raw) {
     Answer answer;
     for (size_t k = 0; k < 3; ++k) {
       answer.weights.weight[k] = r[k];
-      answer.weights.index[k] = static_cast<int>(r[4 + k]) - offset;
+      answer.weights.index[k] = static_cast<int>(r[4 + k]);
     }
     answer.horizon_scale = r[3];
     result.push_back(answer);
