@@ -25,7 +25,7 @@ struct FrameRecord {
   double exposure_s = 0;
   std::vector<double> axis_rad, lamp_level;  // read back
   int width = 0, height = 0, bits = 0;
-  std::string digest;      // XXH3-128 of the pixels; computed by Append
+  std::string digest;              // XXH3-128 of the pixels; computed by Append
   uint64_t offset = 0, bytes = 0;  // in the camera's segment; assigned by Append
 };
 
@@ -39,20 +39,29 @@ enum class SessionEnd { kOpen, kComplete, kIncomplete };
 struct SessionSummary {
   std::string id, plan_name, plan_sha256, rig_sha256;
   SessionEnd end = SessionEnd::kOpen;
-  std::string reason;           // when incomplete
+  std::string reason;  // when incomplete
   bool deterministic = true;
   double virtual_s = 0, wall_s = 0;
   uint32_t frames_planned = 0, frames_durable = 0;
 };
 
+struct SessionOptions {
+  // Append blocks while more pixels than this wait for the disk.
+  size_t max_queued_bytes = size_t{256} << 20;
+};
+
 // Thread contract: Append, Flush and Finish from the sequencer's thread; everything else from any
-// thread. Never blocks on consumers.
+// thread. Never blocks on consumers. Destroyed without Finish, it commits what was appended and
+// leaves the end open, as a kill does.
 class Session {
  public:
   // Creates `<root>/<id>/`. The id is made of time and plan name, unique below root.
   static StatusOr<std::shared_ptr<Session>> Create(const std::filesystem::path& root,
-                                                   const CompiledPlan& plan, const Rig& rig);
-  // Opens an ended (or killed) one for reading.
+                                                   const CompiledPlan& plan, const Rig& rig,
+                                                   SessionOptions options = {});
+  // Opens an ended (or killed) one for reading; of a killed one what was committed is readable.
+  // NotFound; DataLoss for a journal, plan.bin or rig.toml that is not as it was written;
+  // FailedPrecondition for a newer format.
   static StatusOr<std::shared_ptr<Session>> Open(const std::filesystem::path& root,
                                                  const std::string& id);
   virtual ~Session() = default;
@@ -63,17 +72,22 @@ class Session {
   virtual SessionSummary Summary() const = 0;
 
   // Queues the frame for its camera's segment; durable (acknowledged) within 100 ms of host time.
-  // An earlier failure of the writer comes back here: the session is then broken.
+  // An earlier failure of the writer comes back here (Unavailable: file, operation, bytes): the
+  // session is then broken. Blocks, in host time, while SessionOptions::max_queued_bytes wait for
+  // the disk; as the caller is a rig thread, virtual time stands still meanwhile. InvalidArgument
+  // for a camera that the rig lacks, or pixels that are not width x height of `bits` bits.
   virtual Status Append(FrameRecord record, std::shared_ptr<const std::string> pixels) = 0;
   // Returns when everything appended is durable.
   virtual Status Flush() = 0;
   // Reconciles (planned shots = triggers, frames = sum of cameras, all in the ledger, digests of
-  // what is on disk checked) and writes the end. DataLoss when the ledger does not balance.
+  // what is on disk checked) and writes the end. DataLoss when the ledger does not balance: the
+  // end is then incomplete, with that reason. Only an end asked for as complete is reconciled.
   virtual Status Finish(bool complete, std::string_view reason, double virtual_s, double wall_s,
                         bool deterministic) = 0;
 
   // Committed rows only. Waits at most `wait_ms` of host time for a row with a sequence above
-  // `cursor`; nothing: none yet, or no more (see Summary().end).
+  // `cursor`; nothing: none yet, or no more (see Summary().end). DataLoss names the file and the
+  // frame that is damaged; the ones after it are still to be had.
   virtual StatusOr<std::optional<StoredFrame>> Next(int camera, uint64_t cursor, int wait_ms) = 0;
   // Called after each group commit with the number of durable frames; one listener.
   virtual void OnDurable(std::function<void(uint32_t frames_durable)> listener) = 0;

@@ -1,0 +1,128 @@
+#include "daemon/session/reconcile.h"
+
+#include <map>
+#include <unordered_map>
+#include <vector>
+
+namespace mesorig::daemon {
+namespace {
+
+// What does not balance: how often, and the first of each kind.
+class Findings {
+ public:
+  void Add(std::string_view kind, std::string_view first) {
+    auto [it, is_new] = kinds_.try_emplace(std::string(kind), 0, std::string(first));
+    ++it->second.first;
+  }
+  Status Result(uint32_t frames_planned) const {
+    if (kinds_.empty()) return OkStatus();
+    std::string text;
+    for (const auto& [kind, found] : kinds_) {
+      text += fmt::format("{}{} {} (first: {})", text.empty() ? "" : "; ", found.first, kind,
+                          found.second);
+    }
+    return DataLoss("the ledger does not balance: of {} planned frames {}", frames_planned, text);
+  }
+
+ private:
+  std::map<std::string, std::pair<uint32_t, std::string>> kinds_;
+};
+
+class Reconciler {
+ public:
+  Reconciler(const CompiledPlan& plan, const Rig& rig) : plan_(plan), rig_(rig) {
+    planned_.assign(rig.cameras.size(), std::vector<bool>(plan.shots));
+    live_.assign(rig.cameras.size(), std::vector<uint64_t>(plan.shots));
+    last_.assign(rig.cameras.size(), 0);
+    for (const Step& step : plan.steps) {
+      if (step.kind != StepKind::kShot) continue;
+      for (const int camera : step.cameras) planned_[camera].at(step.shot) = true;
+    }
+  }
+
+  void Take(const FrameRecord& r) {
+    if (r.camera < 0 || static_cast<size_t>(r.camera) >= planned_.size() || r.shot >= plan_.shots ||
+        !planned_[r.camera][r.shot]) {
+      findings_.Add("rows that were not planned", Name(r));
+      return;
+    }
+    if (r.sequence != ++last_[r.camera]) {
+      findings_.Add("gaps in the sequence numbers", Name(r));
+      last_[r.camera] = r.sequence;
+    }
+    const mesorig::Camera& camera = rig_.cameras[r.camera];
+    if (r.width != camera.width || r.height != camera.height || r.bits != camera.bits) {
+      findings_.Add("frames of another size",
+                    fmt::format("{}: {} x {}, {} bits", Name(r), r.width, r.height, r.bits));
+    }
+    uint64_t& live = live_[r.camera][r.shot];
+    if (live != r.supersedes) {
+      findings_.Add("frames beside or superseding a wrong one",
+                    fmt::format("{} supersedes {}, there is {}", Name(r), r.supersedes, live));
+    }
+    live = r.sequence;
+    const auto [owner, is_new] = shot_of_trigger_.try_emplace(r.trigger_id, r.shot);
+    if (!is_new && owner->second != r.shot) {
+      findings_.Add("triggers of two shots", fmt::format("trigger {}", r.trigger_id));
+    }
+  }
+
+  void Verify(const FrameRecord& r, const std::function<Status(const FrameRecord&)>& verify) {
+    if (r.camera < 0 || static_cast<size_t>(r.camera) >= live_.size() || r.shot >= plan_.shots ||
+        live_[r.camera][r.shot] != r.sequence) {
+      return;  // superseded, or found before
+    }
+    if (const Status status = verify(r); !status.ok()) {
+      findings_.Add("frames are damaged", Message(status));
+    }
+  }
+
+  Status Result() {
+    uint32_t frames = 0;
+    for (size_t camera = 0; camera < planned_.size(); ++camera) {
+      for (uint32_t shot = 0; shot < plan_.shots; ++shot) {
+        if (!planned_[camera][shot]) continue;
+        ++frames;
+        if (live_[camera][shot] == 0) {
+          findings_.Add("are missing",
+                        fmt::format("shot {}, camera {}", shot, rig_.cameras[camera].name));
+        }
+      }
+    }
+    if (frames != plan_.frames) {
+      findings_.Add("totals are wrong", fmt::format("the steps have {} frames", frames));
+    }
+    return findings_.Result(plan_.frames);
+  }
+
+ private:
+  std::string Name(const FrameRecord& r) const {
+    return fmt::format("frame {} of camera {}, shot {}", r.sequence, r.camera, r.shot);
+  }
+
+  const CompiledPlan& plan_;
+  const Rig& rig_;
+  std::vector<std::vector<bool>> planned_;   // camera, shot
+  std::vector<std::vector<uint64_t>> live_;  // camera, shot: sequence number, 0: none
+  std::vector<uint64_t> last_;               // camera
+  std::unordered_map<uint32_t, uint32_t> shot_of_trigger_;
+  Findings findings_;
+};
+
+}  // namespace
+
+Status Reconcile(const CompiledPlan& plan, const Rig& rig, Ledger& ledger,
+                 const std::function<Status(const FrameRecord&)>& verify) {
+  Reconciler reconciler(plan, rig);
+  MESORIG_RETURN_IF_ERROR(ledger.ForEach([&](const FrameRecord& row) {
+    reconciler.Take(row);
+    return OkStatus();
+  }));
+  MESORIG_RETURN_IF_ERROR(ledger.ForEach([&](const FrameRecord& row) {
+    reconciler.Verify(row, verify);
+    return OkStatus();
+  }));
+  return reconciler.Result();
+}
+
+}  // namespace mesorig::daemon

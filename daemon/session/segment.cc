@@ -1,0 +1,177 @@
+#include "daemon/session/segment.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "protocol/base/bytes.h"
+#include "protocol/base/digest.h"
+
+namespace mesorig::daemon {
+namespace {
+
+constexpr std::string_view kFileMagic = "mesoseg\n";
+constexpr uint32_t kRecordMagic = 0x314D5246;  // "FRM1"
+constexpr size_t kCheckBytes = 16;             // of a header: the first half of its digest
+constexpr size_t kMaxFileHeader = 4096;
+
+// Appends the check of everything before it.
+std::string WithCheck(std::string header) {
+  header += FrameDigest(header).substr(0, kCheckBytes);
+  return header;
+}
+
+bool CheckHolds(std::string_view header) {
+  if (header.size() < kCheckBytes) return false;
+  const std::string_view body = header.substr(0, header.size() - kCheckBytes);
+  return FrameDigest(body).substr(0, kCheckBytes) == header.substr(body.size());
+}
+
+std::string FileHeader(int camera, std::string_view camera_name) {
+  ByteWriter out;
+  out.PutRaw(kFileMagic).Put(kSegmentVersion);
+  out.Put(static_cast<uint32_t>(kFileMagic.size() + 16 + camera_name.size() + kCheckBytes));
+  out.Put(static_cast<uint32_t>(camera)).PutString(camera_name);
+  return WithCheck(out.Take());
+}
+
+std::string RecordHeader(uint64_t sequence, uint32_t shot, std::string_view digest, size_t bytes) {
+  ByteWriter out;
+  out.Put(kRecordMagic).Put(sequence).Put(shot).Put(static_cast<uint64_t>(bytes)).PutRaw(digest);
+  return WithCheck(out.Take());
+}
+
+// Reads up to bytes.size(); fewer at the end of the file.
+StatusOr<size_t> ReadAt(int fd, const std::filesystem::path& path, uint64_t offset,
+                        std::string& bytes) {
+  size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t n =
+        ::pread(fd, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) {
+      return Unavailable("{}: reading {} bytes at {}: {}", path.string(), bytes.size(), offset,
+                         strerror(errno));
+    }
+    if (n == 0) break;
+    done += static_cast<size_t>(n);
+  }
+  return done;
+}
+
+}  // namespace
+
+UniqueFd& UniqueFd::operator=(UniqueFd&& other) noexcept {
+  std::swap(fd_, other.fd_);
+  return *this;
+}
+
+UniqueFd::~UniqueFd() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+StatusOr<SegmentWriter> SegmentWriter::Create(const std::filesystem::path& path, int camera,
+                                              std::string_view camera_name) {
+  UniqueFd fd(::open(path.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, 0644));
+  if (fd.get() < 0) {
+    return Unavailable("{}: cannot be created: {}", path.string(), strerror(errno));
+  }
+  SegmentWriter writer(path, std::move(fd), 0);
+  const std::string header = FileHeader(camera, camera_name);
+  MESORIG_RETURN_IF_ERROR(writer.Write(header, 0));
+  writer.end_ = header.size();
+  return writer;
+}
+
+StatusOr<SegmentWriter> SegmentWriter::OpenAtEnd(const std::filesystem::path& path) {
+  UniqueFd fd(::open(path.c_str(), O_RDWR | O_CLOEXEC));
+  struct stat info {};
+  if (fd.get() < 0 || ::fstat(fd.get(), &info) != 0) {
+    return Unavailable("{}: cannot be opened for writing: {}", path.string(), strerror(errno));
+  }
+  return SegmentWriter(path, std::move(fd), static_cast<uint64_t>(info.st_size));
+}
+
+Status SegmentWriter::Write(std::string_view bytes, uint64_t offset) {
+  size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t n = ::pwrite(fd_.get(), bytes.data() + done, bytes.size() - done,
+                               static_cast<off_t>(offset + done));
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) {
+      return Unavailable("{}: writing {} bytes at {}: {}", path_.string(), bytes.size(), offset,
+                         n < 0 ? strerror(errno) : "nothing was written");
+    }
+    done += static_cast<size_t>(n);
+  }
+  return OkStatus();
+}
+
+StatusOr<uint64_t> SegmentWriter::Append(uint64_t sequence, uint32_t shot, std::string_view digest,
+                                         std::string_view pixels) {
+  const uint64_t offset = end_;
+  const std::string header = RecordHeader(sequence, shot, digest, pixels.size());
+  MESORIG_RETURN_IF_ERROR(Write(header, offset));
+  MESORIG_RETURN_IF_ERROR(Write(pixels, offset + header.size()));
+  end_ = offset + header.size() + pixels.size();
+  return offset;
+}
+
+Status SegmentWriter::Sync() {
+  if (::fdatasync(fd_.get()) != 0) {
+    return Unavailable("{}: fdatasync of {} bytes: {}", path_.string(), end_, strerror(errno));
+  }
+  return OkStatus();
+}
+
+StatusOr<SegmentReader> SegmentReader::Open(const std::filesystem::path& path) {
+  UniqueFd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (fd.get() < 0) return NotFound("{}: cannot be opened: {}", path.string(), strerror(errno));
+  std::string start(kMaxFileHeader, '\0');
+  MESORIG_ASSIGN_OR_RETURN(const size_t got, ReadAt(fd.get(), path, 0, start));
+  start.resize(got);
+  ByteReader in(start);
+  const std::string_view magic = in.GetRaw(kFileMagic.size());
+  const auto version = in.Get<uint32_t>(), size = in.Get<uint32_t>();
+  const bool whole = in.ok() && magic == kFileMagic && size <= start.size() &&
+                     CheckHolds(std::string_view(start).substr(0, size));
+  if (whole && version > kSegmentVersion) {
+    return FailedPrecondition("{}: segment version {}, this program reads up to {}", path.string(),
+                              version, kSegmentVersion);
+  }
+  return SegmentReader(path, std::move(fd));
+}
+
+StatusOr<std::shared_ptr<const std::string>> SegmentReader::Read(const FrameRecord& record) const {
+  const auto damaged = [&](std::string_view what) {
+    return DataLoss("{}: frame {} (shot {}, at byte {}): {}", path_.string(), record.sequence,
+                    record.shot, record.offset, what);
+  };
+  struct stat info {};
+  if (::fstat(fd_.get(), &info) != 0) {
+    return Unavailable("{}: fstat: {}", path_.string(), strerror(errno));
+  }
+  const auto file_bytes = static_cast<uint64_t>(info.st_size);
+  // (Both tested apart: their sum could wrap.)
+  if (record.bytes > kMaxFrameBytes || record.offset > file_bytes ||
+      record.bytes + kRecordHeaderBytes > file_bytes - record.offset) {
+    return damaged(fmt::format("ends beyond the file's {} bytes", file_bytes));
+  }
+  std::string header(kRecordHeaderBytes, '\0');
+  MESORIG_ASSIGN_OR_RETURN(size_t got, ReadAt(fd_.get(), path_, record.offset, header));
+  if (got != header.size() || !CheckHolds(header)) return damaged("record header is damaged");
+  if (header != RecordHeader(record.sequence, record.shot, record.digest, record.bytes)) {
+    return damaged("record header is another frame's");
+  }
+  auto pixels = std::make_shared<std::string>(record.bytes, '\0');
+  MESORIG_ASSIGN_OR_RETURN(got,
+                           ReadAt(fd_.get(), path_, record.offset + kRecordHeaderBytes, *pixels));
+  if (got != pixels->size()) return damaged(fmt::format("only {} bytes are left", got));
+  if (FrameDigest(*pixels) != record.digest) return damaged("pixels do not match their digest");
+  return pixels;
+}
+
+}  // namespace mesorig::daemon

@@ -1,0 +1,122 @@
+#include "daemon/session/session_folder.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <ctime>
+
+#include "daemon/session/ledger.h"
+#include "daemon/session/segment.h"
+#include "protocol/base/file_writer.h"
+
+namespace mesorig::daemon {
+namespace {
+
+constexpr size_t kMaxName = 100;
+
+bool IsNameCharacter(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' ||
+         c == '_' || c == '-';
+}
+
+std::string MakeId(std::chrono::system_clock::time_point when, std::string_view plan_name) {
+  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(when.time_since_epoch());
+  const auto seconds = static_cast<time_t>(ms.count() / 1000);
+  std::tm utc{};
+  ::gmtime_r(&seconds, &utc);
+  char stamp[32];
+  std::strftime(stamp, sizeof(stamp), "%Y%m%dT%H%M%S", &utc);
+  std::string name(plan_name.substr(0, kMaxName));
+  std::replace_if(
+      name.begin(), name.end(), [](char c) { return !IsNameCharacter(c); }, '-');
+  return fmt::format("{}.{:03}Z-{}", stamp, ms.count() % 1000, name);
+}
+
+Status SyncFolder(const std::filesystem::path& dir) {
+  const UniqueFd fd(::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (fd.get() < 0 || ::fsync(fd.get()) != 0) {
+    return Unavailable("{}: fsync: {}", dir.string(), strerror(errno));
+  }
+  return OkStatus();
+}
+
+Status FillFolder(const SessionFolder& folder, const Rig& rig, std::string_view plan_bin,
+                  const SessionSummary& session) {
+  MESORIG_RETURN_IF_ERROR(WriteFileAtomically(folder.plan(), plan_bin));
+  MESORIG_RETURN_IF_ERROR(WriteFileAtomically(folder.rig(), rig.source_text));
+  for (size_t i = 0; i < rig.cameras.size(); ++i) {
+    const std::string& name = rig.cameras[i].name;
+    if (!IsFileName(name)) {
+      return InvalidArgument(
+          "camera name \"{}\" cannot be a file name: letters, digits, '.', '_' "
+          "and '-' can",
+          name);
+    }
+    MESORIG_ASSIGN_OR_RETURN(
+        SegmentWriter segment,
+        SegmentWriter::Create(folder.segment(name), static_cast<int>(i), name));
+    MESORIG_RETURN_IF_ERROR(segment.Sync());
+  }
+  MESORIG_ASSIGN_OR_RETURN(const auto ledger, Ledger::Create(folder.journal(), session));
+  MESORIG_RETURN_IF_ERROR(ledger->Checkpoint());
+  return SyncFolder(folder.dir());
+}
+
+}  // namespace
+
+bool IsFileName(std::string_view name) {
+  return !name.empty() && name.size() <= 2 * kMaxName && name.front() != '.' &&
+         std::all_of(name.begin(), name.end(), IsNameCharacter);
+}
+
+StatusOr<SessionFolder> CreateSessionFolder(const std::filesystem::path& root, const Rig& rig,
+                                            std::string_view plan_bin, SessionSummary& session) {
+  std::error_code error;
+  std::filesystem::create_directories(root, error);
+  if (error) return Unavailable("{}: cannot be created: {}", root.string(), error.message());
+  auto when = std::chrono::system_clock::now();
+  for (int attempt = 0; attempt < 1000; ++attempt, when += std::chrono::milliseconds(1)) {
+    session.id = MakeId(when, session.plan_name);
+    const std::filesystem::path final_dir = root / session.id;
+    const SessionFolder part(root / fmt::format(".{}.part", session.id));
+    if (std::filesystem::exists(final_dir, error)) continue;
+    if (::mkdir(part.dir().c_str(), 0755) != 0) {
+      if (errno == EEXIST) continue;
+      return Unavailable("{}: cannot be created: {}", part.dir().string(), strerror(errno));
+    }
+    Status status = FillFolder(part, rig, plan_bin, session);
+    if (status.ok() && ::rename(part.dir().c_str(), final_dir.c_str()) != 0) {
+      status = Unavailable("{}: rename: {}", final_dir.string(), strerror(errno));
+    }
+    if (!status.ok()) {
+      std::filesystem::remove_all(part.dir(), error);
+      return status;
+    }
+    MESORIG_RETURN_IF_ERROR(SyncFolder(root));
+    return SessionFolder(final_dir);
+  }
+  return Unavailable("{}: no free session id", root.string());
+}
+
+StatusOr<std::vector<std::string>> ListSessions(const std::filesystem::path& root) {
+  std::vector<std::string> ids;
+  std::error_code error;
+  if (!std::filesystem::exists(root, error)) return ids;
+  std::filesystem::directory_iterator entries(root, error);
+  if (error) return Unavailable("{}: cannot be listed: {}", root.string(), error.message());
+  for (const auto& entry : entries) {
+    const std::string id = entry.path().filename().string();
+    if (IsFileName(id) && std::filesystem::exists(SessionFolder(entry.path()).journal(), error)) {
+      ids.push_back(id);
+    }
+  }
+  std::sort(ids.begin(), ids.end());  // ids begin with their time
+  return ids;
+}
+
+}  // namespace mesorig::daemon

@@ -1,0 +1,42 @@
+#pragma once
+// Where the files of a session are, and how a session's folder comes to be: built under a hidden
+// name and renamed, so that a folder with a session's name is whole. docs/files.md has the layout.
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "daemon/session/session.h"
+#include "protocol/base/status.h"
+
+namespace mesorig::daemon {
+
+// Paths inside one session's folder.
+class SessionFolder {
+ public:
+  explicit SessionFolder(std::filesystem::path dir) : dir_(std::move(dir)) {}
+  const std::filesystem::path& dir() const { return dir_; }
+  std::filesystem::path plan() const { return dir_ / "plan.bin"; }
+  std::filesystem::path rig() const { return dir_ / "rig.toml"; }
+  std::filesystem::path journal() const { return dir_ / "journal.sqlite"; }
+  std::filesystem::path segment(std::string_view camera_name) const {
+    return dir_ / (std::string(camera_name) + ".seg");
+  }
+
+ private:
+  std::filesystem::path dir_;
+};
+
+// Creates `<root>/<id>/` with plan.bin, rig.toml, a journal and an empty segment a camera, all
+// synced. The id is `YYYYMMDDTHHMMSS.mmmZ-<plan name>` (UTC), so that ids sort by age; characters
+// of the plan's name that do not belong into a file name become '-'. Fills in session.id.
+// InvalidArgument for a camera's name that cannot be a file name; Unavailable names the file and
+// what failed, and nothing is left behind.
+StatusOr<SessionFolder> CreateSessionFolder(const std::filesystem::path& root, const Rig& rig,
+                                            std::string_view plan_bin, SessionSummary& session);
+
+// Letters, digits, '.', '_' and '-', not beginning with '.': what an id or a camera's file may be
+// called.
+bool IsFileName(std::string_view name);
+
+}  // namespace mesorig::daemon

@@ -1,0 +1,107 @@
+#include "daemon/session/reconcile.h"
+
+#include <fstream>
+
+#include "tests/daemon/session/session_fixture.h"
+
+namespace mesorig::daemon {
+namespace {
+
+class ReconcileTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    auto session = Session::Create(folder_.path(), plan_, rig_);
+    ASSERT_TRUE(session.ok()) << session.status();
+    session_ = *session;
+  }
+  // Finishes as complete, and checks that the end on disk tells what the status tells.
+  Status Finish() {
+    const Status status = session_->Finish(true, "", 1, 1, true);
+    const SessionSummary now = session_->Summary();
+    const std::string id = session_->id();
+    session_.reset();
+    const SessionSummary then = (*Session::Open(folder_.path(), id))->Summary();
+    for (const SessionSummary& s : {now, then}) {
+      EXPECT_EQ(s.end, status.ok() ? SessionEnd::kComplete : SessionEnd::kIncomplete);
+      EXPECT_EQ(s.reason, status.ok() ? "" : Message(status));
+    }
+    return status;
+  }
+  static bool Says(const Status& status, std::string_view text) {
+    return absl::IsDataLoss(status) && Message(status).find(text) != std::string::npos;
+  }
+  TemporaryFolder folder_;
+  const Rig rig_ = SmallRig();
+  const CompiledPlan plan_ = SmallPlan(rig_);
+  std::shared_ptr<Session> session_;
+};
+
+TEST_F(ReconcileTest, AMissingFrameIsNamed) {
+  for (uint32_t shot = 0; shot < 8; ++shot) {
+    for (int camera = 0; camera < 8; ++camera) {
+      if (shot == 5 && camera == 3) continue;
+      ASSERT_TRUE(session_->Append(FrameOf(camera, shot), PixelsOf(camera, shot)).ok());
+    }
+  }
+  const Status status = Finish();
+  EXPECT_TRUE(Says(status, "of 64 planned frames 1 are missing (first: shot 5, camera cam3)"))
+      << status;
+}
+
+TEST_F(ReconcileTest, ARetakenFrameCountsOnce) {
+  ASSERT_TRUE(AppendAll(*session_, plan_).ok());
+  FrameRecord again = FrameOf(4, 2);
+  again.supersedes = 3;  // shot 2 is this camera's third row
+  again.trigger_id = 900;
+  ASSERT_TRUE(session_->Append(again, PixelsOf(4, 2)).ok());
+  EXPECT_TRUE(Finish().ok());
+}
+
+TEST_F(ReconcileTest, ASecondFrameOfAShotIsRefused) {
+  ASSERT_TRUE(AppendAll(*session_, plan_).ok());
+  ASSERT_TRUE(session_->Append(FrameOf(4, 2), PixelsOf(4, 2)).ok());
+  const Status status = Finish();
+  EXPECT_TRUE(Says(status, "supersedes 0, there is 3")) << status;
+}
+
+TEST_F(ReconcileTest, UnplannedShotsSharedTriggersAndWrongSizesAreRefused) {
+  ASSERT_TRUE(AppendAll(*session_, plan_).ok());
+  ASSERT_TRUE(session_->Append(FrameOf(1, 8), PixelsOf(1, 8)).ok());
+  FrameRecord shared = FrameOf(2, 1);
+  shared.supersedes = 2;
+  shared.trigger_id = 1;  // of shot 0
+  shared.width = 6;
+  shared.height = 8;
+  ASSERT_TRUE(session_->Append(shared, PixelsOf(2, 1)).ok());
+  const Status status = Finish();
+  EXPECT_TRUE(Says(status, "1 rows that were not planned (first: frame 9 of camera 1, shot 8)"))
+      << status;
+  EXPECT_TRUE(Says(status, "1 triggers of two shots (first: trigger 1)")) << status;
+  EXPECT_TRUE(Says(status, "6 x 8, 12 bits")) << status;
+}
+
+TEST_F(ReconcileTest, WhatTheDiskLostIsFound) {
+  ASSERT_TRUE(AppendAll(*session_, plan_).ok());
+  ASSERT_TRUE(session_->Flush().ok());
+  const auto segment = folder_.path() / session_->id() / "cam6.seg";
+  std::fstream file(segment, std::ios::in | std::ios::out | std::ios::binary);
+  file.seekp(-1, std::ios::end);  // the last pixel of shot 7
+  file.put(static_cast<char>(~PixelsOf(6, 7)->back()));
+  file.close();
+  const Status status = Finish();
+  EXPECT_TRUE(Says(status, "1 frames are damaged")) << status;
+  EXPECT_TRUE(Says(status, "cam6.seg: frame 8 (shot 7")) << status;
+}
+
+TEST_F(ReconcileTest, AnIncompleteEndKeepsItsReason) {
+  ASSERT_TRUE(session_->Append(FrameOf(0, 0), PixelsOf(0, 0)).ok());
+  ASSERT_TRUE(session_->Finish(false, "stopped by a person", 3, 4, false).ok());
+  const SessionSummary s = session_->Summary();
+  EXPECT_EQ(s.end, SessionEnd::kIncomplete);
+  EXPECT_EQ(s.reason, "stopped by a person");
+  EXPECT_FALSE(s.deterministic);
+  EXPECT_EQ(s.frames_durable, 1u);
+}
+
+}  // namespace
+}  // namespace mesorig::daemon

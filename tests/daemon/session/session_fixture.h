@@ -1,0 +1,124 @@
+#pragma once
+// A small rig and plan, and frames whose pixels tell what they are.
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <memory>
+#include <random>
+#include <string>
+
+#include "daemon/session/session.h"
+#include "protocol/base/file_writer.h"
+
+namespace mesorig::daemon {
+
+// A folder of its own that goes with the object.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string name = (std::filesystem::temp_directory_path() / "mesorig-session-XXXXXX").string();
+    EXPECT_NE(::mkdtemp(name.data()), nullptr);
+    path_ = name;
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+// The demo rig with sensors of 8 x 6 pixels.
+inline Rig SmallRig() {
+  auto text = ReadFile(std::filesystem::path(MESORIG_SOURCE_DIR) / "rigs/demo.toml");
+  EXPECT_TRUE(text.ok());
+  const auto replace = [&](std::string_view from, std::string_view to) {
+    for (size_t at = 0; (at = text->find(from, at)) != std::string::npos; at += to.size()) {
+      text->replace(at, from.size(), to);
+    }
+  };
+  replace("width_px = 256", "width_px = 8");
+  replace("height_px = 192", "height_px = 6");
+  replace("focal_px = 2600", "focal_px = 80");
+  auto rig = ParseRig(*text, "small.toml");
+  EXPECT_TRUE(rig.ok()) << rig.status();
+  return *std::move(rig);
+}
+
+// `positions` x 8 lamps, all 8 cameras.
+inline CompiledPlan SmallPlan(const Rig& rig, int positions = 1, std::string_view name = "small") {
+  const std::string text = fmt::format(
+      "name = \"{}\"\n[sample]\nname = \"s\"\n"
+      "[product]\nwidth_px = 4\nheight_px = 4\npitch_mm = 1\nh_ref_mm = 4.5\n"
+      "[[grid]]\nexposure_s = 0.02\n[grid.axes.turntable]\nangles_deg = [0]\n"
+      "[grid.axes.light_arc]\nstart_deg = 30\nstep_deg = 60\ncount = {}\n",
+      name, positions);
+  auto plan = CompilePlan(text, "small-plan.toml", rig);
+  EXPECT_TRUE(plan.ok()) << plan.status();
+  EXPECT_EQ(plan->frames, 64u * positions);
+  return *std::move(plan);
+}
+
+inline std::shared_ptr<const std::string> PixelsOf(int camera, uint32_t shot, size_t bytes = 96) {
+  auto pixels = std::make_shared<std::string>(bytes, '\0');
+  std::mt19937 random(shot * 8u + static_cast<unsigned>(camera));
+  for (char& c : *pixels) c = static_cast<char>(random());
+  return pixels;
+}
+
+inline FrameRecord FrameOf(int camera, uint32_t shot) {
+  FrameRecord r;
+  r.camera = camera;
+  r.shot = shot;
+  r.trigger_id = shot + 1;
+  r.frame_id = shot + 1000;
+  r.exposure_start_ns = int64_t{1'000'000} * shot;
+  r.exposure_end_ns = r.exposure_start_ns + 20'000'000;
+  r.exposure_s = 0.02;
+  r.axis_rad = {0.25 * shot, -1};
+  r.lamp_level = {0, 0, 1, 0, 0, 0, 0, 0.5};
+  r.width = 8;
+  r.height = 6;
+  r.bits = 12;
+  return r;
+}
+
+inline Status AppendShot(Session& session, const Step& step) {
+  for (const int camera : step.cameras) {
+    MESORIG_RETURN_IF_ERROR(
+        session.Append(FrameOf(camera, step.shot), PixelsOf(camera, step.shot)));
+  }
+  return OkStatus();
+}
+
+inline Status AppendAll(Session& session, const CompiledPlan& plan) {
+  for (const Step& step : plan.steps) {
+    if (step.kind == StepKind::kShot) MESORIG_RETURN_IF_ERROR(AppendShot(session, step));
+  }
+  return OkStatus();
+}
+
+// What a consumer gets of one camera: good frames, and the errors beside them.
+struct Replay {
+  std::vector<FrameRecord> good;
+  std::vector<std::pair<uint64_t, Status>> bad;  // sequence number
+};
+inline Replay ReadAll(Session& session, int camera, uint64_t upto) {
+  Replay replay;
+  for (uint64_t cursor = 0; cursor < upto; ++cursor) {
+    auto frame = session.Next(camera, cursor, 0);
+    if (!frame.ok()) {
+      replay.bad.emplace_back(cursor + 1, frame.status());
+    } else if (frame->has_value()) {
+      EXPECT_EQ(*(*frame)->pixels, *PixelsOf(camera, (*frame)->record.shot));
+      replay.good.push_back((*frame)->record);
+    }
+  }
+  return replay;
+}
+
+}  // namespace mesorig::daemon
