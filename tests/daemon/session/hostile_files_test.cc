@@ -32,7 +32,7 @@ class HostileFiles : public ::testing::Test {
     EXPECT_TRUE(session.ok()) << session.status();
     return *session;
   }
-  static constexpr size_t kRecord = 72 + 96;
+  static constexpr size_t kRecord = 72 + 128;
   size_t FirstRecord() const { return whole_.size() - 8 * kRecord; }
 
   TemporaryFolder folder_;
@@ -43,10 +43,12 @@ class HostileFiles : public ::testing::Test {
 };
 
 TEST_F(HostileFiles, ACutSegmentCostsTheFramesBeyondTheCut) {
+  const auto opened = Open();
   for (size_t size = 0; size < whole_.size(); ++size) {
     Overwrite(segment_, std::string_view(whole_).substr(0, size));
     const size_t expected = size < FirstRecord() ? 0 : (size - FirstRecord()) / kRecord;
-    const Replay replay = ReadAll(*Open(), 3, 8);
+    // Opened before the cut, or (slower) after it.
+    const Replay replay = ReadAll(size % 50 == 0 ? *Open() : *opened, 3, 8);
     ASSERT_EQ(replay.good.size(), expected) << size;
     ASSERT_EQ(replay.bad.size(), 8 - expected) << size;
     for (const auto& [sequence, status] : replay.bad) {
@@ -68,11 +70,12 @@ TEST_F(HostileFiles, ATornTailBeyondTheLedgerIsIgnored) {
 
 TEST_F(HostileFiles, AFlippedByteCostsItsFrameOnlyAndNamesIt) {
   std::mt19937 random(1);
+  const auto opened = Open();
   for (size_t at = 0; at < whole_.size(); ++at) {
     std::string bytes = whole_;
     bytes[at] = static_cast<char>(bytes[at] ^ (1 << random() % 8));
     Overwrite(segment_, bytes);
-    const Replay replay = ReadAll(*Open(), 3, 8);
+    const Replay replay = ReadAll(at % 50 == 0 ? *Open() : *opened, 3, 8);
     if (at < FirstRecord()) {  // the ledger knows where the frames are
       ASSERT_TRUE(replay.bad.empty()) << at;
       continue;
@@ -164,7 +167,7 @@ TEST_F(HostileFiles, MutatedJournalsNeverCrashAndNeverLie) {
   const std::string whole = *ReadFile(File("journal.sqlite"));
   std::mt19937 random(5);
   int refused = 0;
-  for (int i = 0; i < 2000; ++i) {
+  for (int i = 0; i < 1000; ++i) {
     std::string bytes = whole;
     for (unsigned n = 1 + random() % 8; n > 0; --n) {
       bytes[random() % bytes.size()] = static_cast<char>(random());

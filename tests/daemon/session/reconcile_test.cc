@@ -70,14 +70,14 @@ TEST_F(ReconcileTest, UnplannedShotsSharedTriggersAndWrongSizesAreRefused) {
   FrameRecord shared = FrameOf(2, 1);
   shared.supersedes = 2;
   shared.trigger_id = 1;  // of shot 0
-  shared.width = 6;
-  shared.height = 8;
+  shared.width = 4;
+  shared.height = 16;
   ASSERT_TRUE(session_->Append(shared, PixelsOf(2, 1)).ok());
   const Status status = Finish();
   EXPECT_TRUE(Says(status, "1 rows that were not planned (first: frame 9 of camera 1, shot 8)"))
       << status;
   EXPECT_TRUE(Says(status, "1 triggers of two shots (first: trigger 1)")) << status;
-  EXPECT_TRUE(Says(status, "6 x 8, 12 bits")) << status;
+  EXPECT_TRUE(Says(status, "4 x 16, 12 bits")) << status;
 }
 
 TEST_F(ReconcileTest, WhatTheDiskLostIsFound) {

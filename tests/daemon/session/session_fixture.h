@@ -32,7 +32,7 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
-// The demo rig with sensors of 8 x 6 pixels.
+// The demo rig with sensors of 8 x 8 pixels.
 inline Rig SmallRig() {
   auto text = ReadFile(std::filesystem::path(MESORIG_SOURCE_DIR) / "rigs/demo.toml");
   EXPECT_TRUE(text.ok());
@@ -42,7 +42,7 @@ inline Rig SmallRig() {
     }
   };
   replace("width_px = 256", "width_px = 8");
-  replace("height_px = 192", "height_px = 6");
+  replace("height_px = 192", "height_px = 8");
   replace("focal_px = 2600", "focal_px = 80");
   auto rig = ParseRig(*text, "small.toml");
   EXPECT_TRUE(rig.ok()) << rig.status();
@@ -63,7 +63,7 @@ inline CompiledPlan SmallPlan(const Rig& rig, int positions = 1, std::string_vie
   return *std::move(plan);
 }
 
-inline std::shared_ptr<const std::string> PixelsOf(int camera, uint32_t shot, size_t bytes = 96) {
+inline std::shared_ptr<const std::string> PixelsOf(int camera, uint32_t shot, size_t bytes = 128) {
   auto pixels = std::make_shared<std::string>(bytes, '\0');
   std::mt19937 random(shot * 8u + static_cast<unsigned>(camera));
   for (char& c : *pixels) c = static_cast<char>(random());
@@ -82,7 +82,7 @@ inline FrameRecord FrameOf(int camera, uint32_t shot) {
   r.axis_rad = {0.25 * shot, -1};
   r.lamp_level = {0, 0, 1, 0, 0, 0, 0, 0.5};
   r.width = 8;
-  r.height = 6;
+  r.height = 8;
   r.bits = 12;
   return r;
 }

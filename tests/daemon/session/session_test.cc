@@ -96,7 +96,7 @@ TEST_F(SessionTest, RefusesFramesThatCannotBe) {
   const auto session = Create();
   EXPECT_TRUE(absl::IsInvalidArgument(session->Append(FrameOf(8, 0), PixelsOf(0, 0))));
   EXPECT_TRUE(absl::IsInvalidArgument(session->Append(FrameOf(-1, 0), PixelsOf(0, 0))));
-  EXPECT_TRUE(absl::IsInvalidArgument(session->Append(FrameOf(0, 0), PixelsOf(0, 0, 95))));
+  EXPECT_TRUE(absl::IsInvalidArgument(session->Append(FrameOf(0, 0), PixelsOf(0, 0, 127))));
   EXPECT_TRUE(absl::IsInvalidArgument(session->Append(FrameOf(0, 0), nullptr)));
   EXPECT_TRUE(absl::IsInvalidArgument(session->Next(8, 0, 0).status()));
   EXPECT_TRUE(absl::IsInvalidArgument(session->Next(-1, 0, 0).status()));
