@@ -1,0 +1,103 @@
+// Assembler: from the slots of the work file to the BTF.
+
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "processing/assemble/assembler.h"
+#include "processing/assemble/merged_positions.h"
+#include "processing/btf/btf_file.h"
+#include "protocol/base/digest.h"
+#include "protocol/base/program.h"
+
+namespace mesorig::assemble {
+namespace {
+
+// Mean of the slots, in double and in the order of the plan.
+void WriteMean(const WorkFile& work, const std::vector<size_t>& slots, std::span<float> mean) {
+  std::vector<double> sums(mean.size(), 0.0);
+  for (const size_t slot : slots) {
+    const std::span<const float> values = work.Slot(slot);
+    for (size_t k = 0; k < sums.size(); ++k) sums[k] += static_cast<double>(values[k]);
+  }
+  const double scale = 1.0 / static_cast<double>(slots.size());
+  for (size_t k = 0; k < sums.size(); ++k) mean[k] = static_cast<float>(scale * sums[k]);
+}
+
+}  // namespace
+
+StatusOr<btf::SampledBtf> Assembler::BuildBtf(PackFigures& figures) const {
+  std::vector<size_t> usable;
+  std::vector<Vec3> cameras, lamps;
+  {
+    MutexLock lock(mutex_);
+    for (size_t k = 0; k < slots_.size(); ++k) {
+      if (!slots_[k].usable) continue;
+      usable.push_back(k);
+      cameras.push_back(slots_[k].camera_in_sample);
+      lamps.push_back(slots_[k].lamp_in_sample);
+    }
+  }
+  if (usable.empty()) {
+    const Tally counts = tally();
+    return FailedPrecondition("no usable frame: {} of {} arrived, {} refused{}{}", counts.frames,
+                              plan_.frames, counts.refused, counts.refused > 0 ? ": " : "",
+                              counts.first_refusal);
+  }
+  const Vec3 centre{0, 0, grid_.h_ref_mm};
+  const MergedPositions views = MergePositions(cameras, centre);
+  const MergedPositions lights = MergePositions(lamps, centre);
+  btf::BtfHeader header = grid_;
+  header.views = views.directions, header.view_positions_mm = views.positions_mm;
+  header.lights = lights.directions, header.light_positions_mm = lights.positions_mm;
+  MESORIG_RETURN_IF_ERROR(btf::CheckHeader(header));
+  btf::SampledBtf btf(std::move(header));
+  std::vector<std::vector<size_t>> slots_of(views.directions.size() * lights.directions.size());
+  for (size_t k = 0; k < usable.size(); ++k) {
+    slots_of[btf.PairIndex(views.index_of[k], lights.index_of[k])].push_back(usable[k]);
+  }
+  figures = {btf.header().view_count(), btf.header().light_count(), 0, 0, 0};
+  for (int v = 0; v < figures.views; ++v) {
+    for (int l = 0; l < figures.lights; ++l) {
+      const std::vector<size_t>& slots = slots_of[btf.PairIndex(v, l)];
+      if (slots.empty()) continue;
+      WriteMean(work_, slots, btf.MutableImage(v, l));
+      btf.SetPresent(v, l, true);
+      ++figures.pairs;
+      figures.merged_frames += static_cast<uint32_t>(slots.size() - 1);
+    }
+  }
+  return btf;
+}
+
+std::string Assembler::Provenance(std::string_view session_id,
+                                  const PackFigures& figures) const {
+  const Tally counts = tally();
+  return nlohmann::json{{"session", session_id},
+                        {"plan", plan_.name},
+                        {"sample", plan_.sample_name},
+                        {"rig", rig_.name},
+                        {"rig_sha256", rig_.sha256},
+                        {"plan_sha256", Sha256(PackPlan(plan_))},
+                        {"program", fmt::format("mesorig-processd {}", kVersion)},
+                        {"frames", counts.frames},
+                        {"frames_planned", plan_.frames},
+                        {"frames_superseded", counts.superseded},
+                        {"frames_refused", counts.refused},
+                        {"frames_merged", figures.merged_frames},
+                        {"texels_clipped", counts.clipped_texels}}
+      .dump();
+}
+
+StatusOr<PackFigures> Assembler::Pack(const std::filesystem::path& path,
+                                      std::string_view session_id) const {
+  PackFigures figures;
+  MESORIG_ASSIGN_OR_RETURN(btf::SampledBtf btf, BuildBtf(figures));
+  btf.mutable_header().provenance_json = Provenance(session_id, figures);
+  MESORIG_RETURN_IF_ERROR(btf::WriteSampledBtf(btf, path));
+  std::error_code error;
+  figures.bytes = std::filesystem::file_size(path, error);
+  if (error) return Unavailable("{}: {}", path.string(), error.message());
+  return figures;
+}
+
+}  // namespace mesorig::assemble
