@@ -16,6 +16,11 @@ struct Command {
   std::function<Status()> run;
 };
 
+// run: serves the simulated rig in a runtime directory until SIGINT or SIGTERM.
+Command AddRunCommand(CLI::App& app);
+// inject: a fault or an operator's hand, sent to a running simulator.
+Command AddInjectCommand(CLI::App& app);
+// truth: the exact values of a BTF.
 Command AddTruthCommand(CLI::App& app);
 
 }  // namespace mesorig::simulator

@@ -8,9 +8,13 @@
 
 int main(int argc, char** argv) {
   using namespace mesorig;
-  CLI::App app{"Simulates the rig: its sample, its optics and its devices."};
+  CLI::App app{
+      "The rig as a physical simulation behind the real device protocols. Start `mesorig-sim run`\n"
+      "first, then mesorigd in the same runtime directory."};
   app.require_subcommand(1);
-  const std::vector<simulator::Command> commands = {simulator::AddTruthCommand(app)};
+  const std::vector<simulator::Command> commands = {
+      simulator::AddRunCommand(app), simulator::AddInjectCommand(app),
+      simulator::AddTruthCommand(app)};
   return RunProgram(app, "mesorig-sim", argc, argv, [&]() -> Status {
     for (const auto& command : commands) {
       if (command.app->parsed()) return command.run();

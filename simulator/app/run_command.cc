@@ -1,0 +1,91 @@
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <memory>
+#include <thread>
+
+#include "protocol/base/log.h"
+#include "protocol/base/runtime_dir.h"
+#include "simulator/app/commands.h"
+#include "simulator/app/world_rig.h"
+#include "simulator/devices/lamp_slave/lamp_slave.h"
+#include "simulator/world/sample.h"
+
+namespace mesorig::simulator {
+namespace {
+
+struct RunOptions {
+  std::string rig, sample;
+  std::string runtime_dir = DefaultRuntimeDir().string();
+  uint64_t seed = 1;
+  int samples_per_side = 2;
+};
+
+// SIGINT and SIGTERM, waited for by a thread of its own: handlers can do next to nothing.
+class StopOnSignal {
+ public:
+  explicit StopOnSignal(sim_wire::SimServer& server) {
+    sigemptyset(&signals_);
+    sigaddset(&signals_, SIGINT);
+    sigaddset(&signals_, SIGTERM);
+    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+    thread_ = std::thread([this, &server] {
+      int signal = 0;
+      sigwait(&signals_, &signal);
+      server.Stop();
+    });
+  }
+  ~StopOnSignal() {
+    pthread_kill(thread_.native_handle(), SIGTERM);  // in case the server ended by itself
+    thread_.join();
+  }
+
+ private:
+  sigset_t signals_{};
+  std::thread thread_;
+};
+
+Status Run(const RunOptions& options) {
+  StartLogging("mesorig-sim");
+  MESORIG_ASSIGN_OR_RETURN(const Rig rig, LoadRig(options.rig));
+  MESORIG_ASSIGN_OR_RETURN(world::Sample sample, world::LoadSample(options.sample));
+  MESORIG_ASSIGN_OR_RETURN(auto endpoint,
+                           PublishedEndpoint::Claim(options.runtime_dir, "mesorig-sim"));
+  MESORIG_ASSIGN_OR_RETURN(const auto world, world::World::Build(std::move(sample.surface)));
+  world::ImageOptions image_options;
+  image_options.samples_per_side = options.samples_per_side;
+  WorldRig world_rig(rig, *world, options.seed, image_options);
+  MESORIG_ASSIGN_OR_RETURN(auto slave, LampSlave::Listen(world_rig.lamps(), rig.lamp_bank.unit));
+  MESORIG_ASSIGN_OR_RETURN(auto listener, sim_wire::Listen(endpoint.socket_path()));
+  sim_wire::SimServerOptions server_options;
+  server_options.welcome.rig_sha256 = rig.sha256;
+  server_options.welcome.seed = options.seed;
+  server_options.welcome.modbus_endpoint = slave->endpoint();
+  sim_wire::SimServer server(std::move(listener), world_rig.Devices(), server_options);
+  StopOnSignal stop(server);
+  slave->Start(server);
+  MESORIG_RETURN_IF_ERROR(endpoint.Publish("unix:" + endpoint.socket_path().string()));
+  spdlog::info("rig {} with {}, seed {}, in {}", rig.name, options.sample, options.seed,
+               options.runtime_dir);
+  const Status status = server.Run();
+  slave.reset();  // before the server that it enters
+  return status;
+}
+
+}  // namespace
+
+Command AddRunCommand(CLI::App& app) {
+  auto options = std::make_shared<RunOptions>();  // lives as long as the parsed command
+  CLI::App* run = app.add_subcommand("run", "Serve the simulated rig until interrupted");
+  run->add_option("--rig", options->rig, "Rig file (rigs/*.toml)")->required();
+  run->add_option("--sample", options->sample, "Sample file (rigs/samples/*.toml)")->required();
+  run->add_option("--runtime-dir", options->runtime_dir, "Where programs find each other")
+      ->capture_default_str();
+  run->add_option("--seed", options->seed, "Equal seeds give equal pixels")->capture_default_str();
+  run->add_option("--samples-per-side", options->samples_per_side,
+                  "Rays a pixel along each side: more is slower and smoother")
+      ->check(CLI::Range(1, 16))
+      ->capture_default_str();
+  return {run, [options] { return Run(*options); }};
+}
+
+}  // namespace mesorig::simulator

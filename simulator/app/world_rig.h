@@ -1,0 +1,43 @@
+#pragma once
+// The whole simulated rig: world, plant and devices behind one dispatcher.
+
+#include <memory>
+#include <vector>
+
+#include "protocol/rig/rig.h"
+#include "protocol/sim_wire/sim_server.h"
+#include "simulator/devices/camera/camera_device.h"
+#include "simulator/devices/cia402_node/can_bus.h"
+#include "simulator/devices/contactor.h"
+#include "simulator/devices/digital_lines/digital_lines.h"
+#include "simulator/devices/lamp_slave/lamp_bank_model.h"
+#include "simulator/world/camera_image.h"
+#include "simulator/world/world.h"
+
+namespace mesorig::simulator {
+
+// Owns all devices; the world and the rig are borrowed. Called by the dispatcher only.
+class WorldRig final : public ImageSource {
+ public:
+  WorldRig(const Rig& rig, const world::World& world, uint64_t seed, world::ImageOptions options);
+
+  // In the order of effects within an instant: can, lamps, lines, cameras.
+  std::vector<sim_wire::SimDevice*> Devices();
+  LampBankModel& lamps() { return lamps_; }
+
+  Scene Observe(RigTime from, RigTime to) override;
+  StatusOr<std::vector<float>> ExpectedElectrons(int camera, const Scene& scene,
+                                                 double exposure_s) override;
+
+ private:
+  const Rig& rig_;
+  const uint64_t seed_;
+  Contactor contactor_;
+  CanBusDevice can_;
+  LampBankModel lamps_;
+  DigitalLinesDevice lines_;
+  std::vector<std::unique_ptr<CameraDevice>> cameras_;
+  world::CameraImages images_;
+};
+
+}  // namespace mesorig::simulator
