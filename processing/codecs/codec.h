@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -11,6 +12,7 @@
 
 #include "processing/btf/btf_file.h"
 #include "processing/btf/sampled_btf.h"
+#include "processing/codecs/shader_form.h"
 
 namespace mesorig::codecs {
 
@@ -29,6 +31,8 @@ class EncodedBtf {
   virtual std::array<float, 3> Evaluate(int x, int y, Vec3 v, Vec3 l) const = 0;
   // The factors as file planes; bytes are counted from the written file.
   virtual std::vector<btf::Plane> Planes() const = 0;
+  // For drawing; without one the renderer decodes every image into a layer of its own.
+  virtual std::optional<ShaderForm> ToShader() const { return std::nullopt; }
 };
 
 class Codec {

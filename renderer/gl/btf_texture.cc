@@ -9,49 +9,48 @@
 namespace mesorig::renderer {
 namespace {
 
-// What a decoder reads.
-struct Factors {
-  int layers = 0;
-  std::vector<float> rgb;    // [layer][row][column][rgb]
-  std::vector<float> table;  // of the decoder's own meaning
-  int columns = 0;
-  std::string glsl;
-};
-
 Status CheckLayers(const BtfSource& source, size_t layers, const GlLimits& limits) {
   const btf::BtfHeader& header = source.header();
   if (layers > static_cast<size_t>(limits.array_layers)) {
     return InvalidArgument(
         "the {} BTF of {} views x {} lights needs {} texture layers; permitted by this OpenGL is "
-        "at most {}: compress it first (mesorig-btf compress --codec view-svd)",
+        "at most {}: compress it (mesorig-btf compress --codec view-svd, fewer --terms)",
         source.codec(), header.view_count(), header.light_count(), layers, limits.array_layers);
   }
   return OkStatus();
 }
 
 // Every measured image a layer: for an uncompressed BTF, and for a codec without a GLSL decoder.
-StatusOr<Factors> ImagesAsFactors(const BtfSource& source, const GlLimits& limits) {
+StatusOr<codecs::ShaderForm> ImagesAsLayers(const BtfSource& source, const GlLimits& limits) {
   const btf::BtfHeader& header = source.header();
-  Factors factors;
+  codecs::ShaderForm form;
   const size_t pairs = header.views.size() * header.lights.size();
   MESORIG_RETURN_IF_ERROR(CheckLayers(source, pairs, limits));
-  factors.layers = static_cast<int>(pairs);
-  factors.columns = header.light_count();
-  factors.glsl = kDecodeRawGlsl;
-  factors.rgb.reserve(pairs * header.texel_count() * 3);
+  form.layers = static_cast<int>(pairs);
+  form.columns = header.light_count();
+  form.glsl = kDecodeRawGlsl;
+  form.rgb.reserve(pairs * header.texel_count() * 3);
   for (int v = 0; v < header.view_count(); ++v) {
     for (int l = 0; l < header.light_count(); ++l) {
       const bool present = source.Present(v, l);
-      factors.table.push_back(present ? 1.0f : 0.0f);
+      form.table.push_back(present ? 1.0f : 0.0f);
       if (present) {
         const std::vector<float> image = source.Image(v, l);
-        factors.rgb.insert(factors.rgb.end(), image.begin(), image.end());
+        form.rgb.insert(form.rgb.end(), image.begin(), image.end());
       } else {
-        factors.rgb.resize(factors.rgb.size() + header.texel_count() * 3);
+        form.rgb.resize(form.rgb.size() + header.texel_count() * 3);
       }
     }
   }
-  return factors;
+  return form;
+}
+
+StatusOr<codecs::ShaderForm> FormOf(const BtfSource& source, const GlLimits& limits) {
+  std::optional<codecs::ShaderForm> form;
+  if (source.encoded() != nullptr) form = source.encoded()->ToShader();
+  if (!form) return ImagesAsLayers(source, limits);
+  MESORIG_RETURN_IF_ERROR(CheckLayers(source, static_cast<size_t>(form->layers), limits));
+  return *std::move(form);
 }
 
 }  // namespace
@@ -95,18 +94,18 @@ StatusOr<LayeredTexture> MakeLayeredTexture(GLenum target, int width, int height
 
 StatusOr<BtfTexture> BtfTexture::Create(const BtfSource& source, const GlLimits& limits) {
   const btf::BtfHeader& header = source.header();
-  MESORIG_ASSIGN_OR_RETURN(Factors factors, ImagesAsFactors(source, limits));
+  MESORIG_ASSIGN_OR_RETURN(codecs::ShaderForm form, FormOf(source, limits));
   BtfTexture result;
   MESORIG_ASSIGN_OR_RETURN(result.layers_,
                            MakeLayeredTexture(GL_TEXTURE_2D_ARRAY, header.width, header.height,
-                                              factors.layers, factors.rgb, limits));
-  result.bytes_ = header.texel_count() * static_cast<size_t>(factors.layers) * 8;
-  result.columns_ = factors.columns;
-  result.decode_glsl_ = std::move(factors.glsl);
+                                              form.layers, form.rgb, limits));
+  result.bytes_ = header.texel_count() * static_cast<size_t>(form.layers) * 8;
+  result.columns_ = form.columns;
+  result.decode_glsl_ = kDecodeInputsGlsl + form.glsl;
   DirectionTables tables;
   tables.Append(source.views());
   tables.Append(source.lights());
-  result.table_ = MakeBufferTexture(GL_R32F, factors.table);
+  result.table_ = MakeBufferTexture(GL_R32F, form.table);
   result.direction_rows_ = MakeBufferTexture(GL_RGBA32F, tables.rows);
   result.direction_map_ = MakeBufferTexture(GL_R32F, tables.map);
   MESORIG_RETURN_IF_ERROR(CheckGl("the BTF's tables"));

@@ -1,10 +1,5 @@
-// An uncompressed BTF: layer v * lights + l of the array texture; btf_table is 1 where that pair is
-// present. Pairs that are absent are left out and the other weights carry theirs.
-
-layout(binding = 0) uniform sampler2DArray btf_layers;
-layout(binding = 4) uniform samplerBuffer btf_table;
-layout(location = 17) uniform int btf_columns;  // lights
-layout(location = 18) uniform float btf_scale;
+// An image a layer: layer v * btf_columns + l, where btf_columns counts the lights. btf_table is 1
+// where that pair is present; pairs that are absent are left out and the others carry their weight.
 
 vec3 DecodeBtf(vec2 uv, float level, ivec3 v, vec3 v_weight, ivec3 l, vec3 l_weight) {
   vec4 sum = vec4(0.0);
