@@ -63,10 +63,12 @@ Status Run(const RunOptions& options) {
   sim_wire::SimServer server(std::move(listener), world_rig.Devices(), server_options);
   StopOnSignal stop(server);
   slave->Start(server);
-  MESORIG_RETURN_IF_ERROR(endpoint.Publish("unix:" + endpoint.socket_path().string()));
-  spdlog::info("rig {} with {}, seed {}, in {}", rig.name, options.sample, options.seed,
-               options.runtime_dir);
-  const Status status = server.Run();
+  Status status = endpoint.Publish("unix:" + endpoint.socket_path().string());
+  if (status.ok()) {
+    spdlog::info("rig {} with {}, seed {}, in {}", rig.name, options.sample, options.seed,
+                 options.runtime_dir);
+    status = server.Run();
+  }
   slave.reset();  // before the server that it enters
   return status;
 }

@@ -41,7 +41,7 @@ ImageSource::Scene WorldRig::Observe(RigTime from, RigTime to) {
 
 StatusOr<std::vector<float>> WorldRig::ExpectedElectrons(int camera, const Scene& scene,
                                                          double exposure_s) {
-  return images_.ExpectedElectrons(camera, {scene.key.axis_counts, scene.lamp_level}, exposure_s);
+  return images_.ExpectedElectrons(camera, {scene.axis_rad, scene.lamp_level}, exposure_s);
 }
 
 }  // namespace mesorig::simulator

@@ -23,12 +23,15 @@ double LampLevel::At(double t_s) const {
 
 double LampLevel::Mean(double from_s, double to_s) const {
   if (!(to_s > from_s)) return At(from_s);
+  // Integral of level - target, which is start - target before the Set, then decays, then is zero.
+  double excess = (start_ - target_) * (std::clamp(changed_s_, from_s, to_s) - from_s);
   const double steady = SteadyAt() - kHalfTick;
-  const double a = std::min(from_s, steady), b = std::min(to_s, steady);
-  if (!(b > a) || !(rise_s_ > 0)) return target_;
-  // Integral of (start - target) exp(-(t - changed)/rise) over the part that is not steady.
-  const double excess = (start_ - target_) * rise_s_ * std::exp(-(a - changed_s_) / rise_s_) *
-                        -std::expm1(-(b - a) / rise_s_);
+  const double a = std::clamp(from_s, changed_s_, std::max(changed_s_, steady));
+  const double b = std::clamp(to_s, a, std::max(a, steady));
+  if (rise_s_ > 0) {
+    excess += (start_ - target_) * rise_s_ * std::exp(-(a - changed_s_) / rise_s_) *
+              -std::expm1(-(b - a) / rise_s_);
+  }
   return target_ + excess / (to_s - from_s);
 }
 

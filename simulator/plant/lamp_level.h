@@ -13,8 +13,9 @@ class LampLevel {
 
   // Commands arrive in order of time. Setting the level that is commanded already changes nothing.
   void Set(double level, double now_s);
-  double At(double t_s) const;                     // t_s at or after the last Set
-  double Mean(double from_s, double to_s) const;   // over an exposure at or after the last Set
+  // Before the last Set the level counts as what it was at that Set.
+  double At(double t_s) const;
+  double Mean(double from_s, double to_s) const;  // over an exposure
   double commanded() const { return target_; }
   // When the light is steady.
   double SteadyAt() const { return changed_s_ + settle_s_; }

@@ -14,14 +14,6 @@ bool SamePose(const RigidTransform& a, const RigidTransform& b) {
   return a.rotation.m == b.rotation.m && a.translation == b.translation;
 }
 
-std::vector<double> AxisAngles(const Rig& rig, const std::vector<int64_t>& counts) {
-  std::vector<double> angles;
-  for (size_t a = 0; a < rig.axes.size(); ++a) {
-    angles.push_back(2 * kPi * static_cast<double>(counts[a]) / rig.axes[a].counts_per_turn);
-  }
-  return angles;
-}
-
 }  // namespace
 
 int ChannelOfPixel(const Camera& camera, int i, int j) {
@@ -33,9 +25,13 @@ Status CameraImages::Check(int camera, const RigState& state, double exposure_s)
   if (camera < 0 || camera >= static_cast<int>(rig_.cameras.size())) {
     return InvalidArgument("camera {} of {}", camera, rig_.cameras.size());
   }
-  if (state.axis_counts.size() != rig_.axes.size()) {
-    return InvalidArgument("{} axis positions for {} axes", state.axis_counts.size(),
-                           rig_.axes.size());
+  if (state.axis_rad.size() != rig_.axes.size()) {
+    return InvalidArgument("{} axis angles for {} axes", state.axis_rad.size(), rig_.axes.size());
+  }
+  for (size_t a = 0; a < rig_.axes.size(); ++a) {
+    if (!std::isfinite(state.axis_rad[a])) {
+      return InvalidArgument("{}: angle {} rad", rig_.axes[a].name, state.axis_rad[a]);
+    }
   }
   if (state.lamp_levels.size() != rig_.lamps.size()) {
     return InvalidArgument("{} lamp levels for {} lamps", state.lamp_levels.size(),
@@ -57,7 +53,7 @@ StatusOr<std::vector<float>> CameraImages::ExpectedElectrons(int camera, const R
                                                              double exposure_s) {
   MESORIG_RETURN_IF_ERROR(Check(camera, state, exposure_s));
   const Camera& c = rig_.cameras[camera];
-  const std::vector<double> axis_rad = AxisAngles(rig_, state.axis_counts);
+  const std::vector<double>& axis_rad = state.axis_rad;
   std::vector<float> electrons(static_cast<size_t>(c.width) * static_cast<size_t>(c.height));
   if (BlockedBy(rig_, WorldFromCamera(rig_, camera, axis_rad).translation, axis_rad)) {
     return electrons;
@@ -65,7 +61,7 @@ StatusOr<std::vector<float>> CameraImages::ExpectedElectrons(int camera, const R
   for (int lamp = 0; lamp < static_cast<int>(rig_.lamps.size()); ++lamp) {
     if (state.lamp_levels[lamp] == 0) continue;
     if (BlockedBy(rig_, LampInWorld(rig_, lamp, axis_rad), axis_rad)) continue;
-    const Picture& picture = PictureOf(camera, lamp, state.axis_counts, axis_rad);
+    const Picture& picture = PictureOf(camera, lamp, axis_rad);
     const double scale = state.lamp_levels[lamp] * c.electrons_per_radiance_s * exposure_s;
     for (size_t i = 0; i < electrons.size(); ++i) {
       electrons[i] += static_cast<float>(scale * picture.radiance[i]);
@@ -75,10 +71,9 @@ StatusOr<std::vector<float>> CameraImages::ExpectedElectrons(int camera, const R
 }
 
 const CameraImages::Picture& CameraImages::PictureOf(int camera, int lamp,
-                                                     const std::vector<int64_t>& axis_counts,
                                                      const std::vector<double>& axis_rad) {
   for (auto it = pictures_.begin(); it != pictures_.end(); ++it) {
-    if (it->camera == camera && it->lamp == lamp && it->axis_counts == axis_counts) {
+    if (it->camera == camera && it->lamp == lamp && it->axis_rad == axis_rad) {
       pictures_.splice(pictures_.begin(), pictures_, it);
       return pictures_.front();
     }
@@ -89,7 +84,7 @@ const CameraImages::Picture& CameraImages::PictureOf(int camera, int lamp,
   const auto& intensity = rig_.lamps[lamp].intensity_w_sr;
   const double per_sample =
       kSquareMmPerSquareM / (options_.samples_per_side * options_.samples_per_side);
-  Picture picture{camera, lamp, axis_counts, {}};
+  Picture picture{camera, lamp, axis_rad, {}};
   picture.radiance.resize(static_cast<size_t>(c.width) * static_cast<size_t>(c.height));
   ParallelFor(c.height, options_.threads, [&](int j) {
     Response response;

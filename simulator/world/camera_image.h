@@ -23,8 +23,8 @@
 namespace mesorig::world {
 
 struct RigState {
-  std::vector<int64_t> axis_counts;  // one per Rig::axes
-  std::vector<double> lamp_levels;   // one per Rig::lamps: mean over the exposure, 0..1
+  std::vector<double> axis_rad;     // one per Rig::axes
+  std::vector<double> lamp_levels;  // one per Rig::lamps: mean over the exposure, 0..1
 };
 
 struct ImageOptions {
@@ -39,8 +39,8 @@ class CameraImages {
       : rig_(rig), world_(world), options_(options) {}
 
   // width*height electrons, row by row; a Bayer pixel sees its own colour. InvalidArgument for a
-  // camera, number of axes or lamps that the rig has not, a level outside 0..1 or an exposure that
-  // is negative or not finite.
+  // camera, number of axes or lamps that the rig has not, an angle that is not finite, a level
+  // outside 0..1 or an exposure that is negative or not finite.
   StatusOr<std::vector<float>> ExpectedElectrons(int camera, const RigState& state,
                                                  double exposure_s);
 
@@ -53,15 +53,14 @@ class CameraImages {
   };
   struct Picture {  // radiance at full level, W m^-2 sr^-1
     int camera = 0, lamp = 0;
-    std::vector<int64_t> axis_counts;
+    std::vector<double> axis_rad;
     std::vector<float> radiance;
   };
 
   Status Check(int camera, const RigState& state, double exposure_s) const;
   const View& ViewOf(int camera, const RigidTransform& sample_from_camera);
   View Trace(int camera, const RigidTransform& sample_from_camera) const;
-  const Picture& PictureOf(int camera, int lamp, const std::vector<int64_t>& axis_counts,
-                           const std::vector<double>& axis_rad);
+  const Picture& PictureOf(int camera, int lamp, const std::vector<double>& axis_rad);
   void MakeRoom();
 
   const Rig& rig_;

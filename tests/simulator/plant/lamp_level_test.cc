@@ -38,7 +38,7 @@ TEST(LampLevel, RepeatedCommandsChangeNothing) {
 TEST(LampLevel, MeanIsTheIntegral) {
   LampLevel lamp(0.08, 0.6);
   lamp.Set(1, 0);
-  for (auto [from, to] : {std::pair{0.0, 0.05}, {0.02, 0.9}, {0.55, 0.65}, {0.7, 0.8}}) {
+  for (auto [from, to] : {std::pair{0.0, 0.05}, {0.02, 0.9}, {-0.1, 0.3}, {-0.2, -0.1}, {0.55, 0.65}, {0.7, 0.8}}) {
     double sum = 0;
     const int n = 200000;
     for (int i = 0; i < n; ++i) sum += lamp.At(from + (to - from) * (i + 0.5) / n);

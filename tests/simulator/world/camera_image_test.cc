@@ -14,9 +14,9 @@ namespace {
 
 Rig Demo() { return LoadRig(std::string(MESORIG_SOURCE_DIR) + "/rigs/demo.toml").value(); }
 
-// Turntable at 60, light arc at 90 degrees (the demo rig has 360,000 counts a turn).
+// Turntable at 60, light arc at 90 degrees.
 RigState State(const Rig& rig, int lamp, double level = 1) {
-  RigState state{{60000, 90000}, std::vector<double>(rig.lamps.size(), 0.0)};
+  RigState state{{RadFromDeg(60), RadFromDeg(90)}, std::vector<double>(rig.lamps.size(), 0.0)};
   state.lamp_levels[static_cast<size_t>(lamp)] = level;
   return state;
 }
@@ -129,7 +129,7 @@ TEST(CameraImage, LetterIsSeenUnmirrored) {
   const auto world = Build(surface);
   CameraImages images(rig, *world, {});
   RigState state = State(rig, 0);
-  state.axis_counts = {0, 90000};
+  state.axis_rad = {0, RadFromDeg(90)};
   const auto electrons = images.ExpectedElectrons(0, state, 0.02).value();
   const auto at = [&](int u, int v) { return electrons[static_cast<size_t>(256 * v + u)]; };
   // (-4, -10): u = 128 - 32.6, v = 96 - 13.1. (6.5, 9.5): u = 128 + 31.0, v = 96 + 21.2.
@@ -147,7 +147,7 @@ TEST(CameraImage, SolidsHide) {
   const auto world = Build(Plane(1, Lambert(0.5, 0.5, 0.5), 80));
   CameraImages images(rig, *world, {});
   RigState state = State(rig, 1);
-  state.axis_counts = {0, 0};  // the light arc stands before the cameras
+  state.axis_rad = {0, 0};  // the light arc stands before the cameras
   EXPECT_THAT(images.ExpectedElectrons(4, state, 0.02).value(), testing::Each(0.f));
 }
 
@@ -161,7 +161,9 @@ TEST(CameraImage, RefusesWhatTheRigHasNot) {
   EXPECT_FALSE(images.ExpectedElectrons(0, State(rig, 0, std::nan("")), 0.02).ok());
   EXPECT_FALSE(images.ExpectedElectrons(0, State(rig, 0), -1).ok());
   RigState state = State(rig, 0);
-  state.axis_counts.pop_back();
+  state.axis_rad[0] = std::nan("");
+  EXPECT_FALSE(images.ExpectedElectrons(0, state, 0.02).ok());
+  state.axis_rad.pop_back();
   EXPECT_FALSE(images.ExpectedElectrons(0, state, 0.02).ok());
 }
 
