@@ -1,0 +1,36 @@
+#pragma once
+// The subcommands of mesorig. Each adds its options to `app` and returns what to run.
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "protocol/base/status.h"
+
+namespace CLI {
+class App;
+}
+
+namespace mesorig::client {
+
+// Options that every subcommand shares, filled in by parsing.
+struct Common {
+  std::string runtime_dir;
+  bool json = false;
+};
+
+struct Command {
+  CLI::App* app = nullptr;
+  std::function<Status()> run;
+};
+
+Command AddRunCommand(CLI::App& app, Common& common);
+Command AddStatusCommand(CLI::App& app, Common& common);
+Command AddWatchCommand(CLI::App& app, Common& common);
+Command AddStopCommand(CLI::App& app, Common& common);
+Command AddSessionsCommand(CLI::App& app, Common& common);
+Command AddPauseCommand(CLI::App& app, Common& common);
+Command AddResumeCommand(CLI::App& app, Common& common);
+Command AddPlanCheckCommand(CLI::App& plan, Common& common);
+
+}  // namespace mesorig::client

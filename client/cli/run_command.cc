@@ -1,0 +1,139 @@
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "client/cli/commands.h"
+#include "client/cli/text.h"
+#include "client/connection/daemon_client.h"
+#include "client/connection/processing_client.h"
+#include "protocol/base/file_writer.h"
+
+namespace mesorig::client {
+namespace {
+
+struct RunOptions {
+  std::string plan;
+  bool no_wait = false, no_products = false;
+};
+
+// Ctrl-C leaves the plan running: a closed laptop does not end the night.
+void Detach(int) {
+  constexpr char kText[] =
+      "\nmesorig: detached; the plan goes on. `mesorig status` looks, `mesorig stop` stops it.\n";
+  [[maybe_unused]] const ssize_t n = ::write(STDERR_FILENO, kText, sizeof(kText) - 1);
+  ::_exit(130);
+}
+
+// Watches until this session ends.
+StatusOr<v1::SessionEnded> AwaitEnd(DaemonClient& daemon, const v1::RunReply& reply) {
+  ProgressBar bar;
+  v1::SessionEnded ended;
+  bool seen = false;
+  MESORIG_RETURN_IF_ERROR(daemon.Watch(0, [&](const v1::Event& event) {
+    if (event.has_progress() && event.progress().session_id() == reply.session_id()) {
+      bar.Show(event.progress().shots_done(), reply.shots(), "shots");
+    }
+    if (event.has_ended() && event.ended().session_id() == reply.session_id()) {
+      ended = event.ended();
+      seen = true;
+    }
+    return !seen;
+  }));
+  return ended;
+}
+
+nlohmann::json ToJson(const v1::RunReply& reply, const v1::SessionEnded& ended,
+                      const v1::ProductsReply& products) {
+  nlohmann::json files = nlohmann::json::array();
+  for (const auto& product : products.products()) {
+    files.push_back(
+        {{"kind", product.kind()}, {"path", product.path()}, {"bytes", product.bytes()}});
+  }
+  return {{"session_id", reply.session_id()},
+          {"complete", ended.complete()},
+          {"frames_planned", reply.frames()},
+          {"frames_on_disk", ended.frames_durable()},
+          {"frames_blocked", reply.frames_blocked()},
+          {"frame_bytes", reply.frame_bytes()},
+          {"shots", reply.shots()},
+          {"estimated_s", reply.estimated_s()},
+          {"virtual_s", ended.virtual_s()},
+          {"wall_s", ended.wall_s()},
+          {"deterministic", ended.deterministic()},
+          {"processing_s", products.processing_s()},
+          {"processing_wall_s", products.wall_s()},
+          {"products", files}};
+}
+
+StatusOr<v1::ProductsReply> Products(const Common& common, const std::string& session_id) {
+  auto processing = ProcessingClient::Connect(common.runtime_dir);
+  if (!processing.ok()) {  // capture without a processing service is a way to work
+    fmt::print(stderr, "mesorig: no products: {}\n", Message(processing.status()));
+    return v1::ProductsReply();
+  }
+  MESORIG_ASSIGN_OR_RETURN(v1::ProductsReply products, (*processing)->AwaitProducts(session_id));
+  if (!products.error().empty()) return Internal("processing failed: {}", products.error());
+  return products;
+}
+
+Status Run(const RunOptions& options, const Common& common) {
+  MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(options.plan, 4u << 20));
+  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const v1::RunReply reply, daemon->Run(text, options.plan));
+  if (!common.json) {
+    fmt::print("session {}: {} shots, {} frames, {}, about {} at the rig\n", reply.session_id(),
+               reply.shots(), reply.frames(), BytesText(reply.frame_bytes()),
+               DurationText(reply.estimated_s()));
+    if (reply.frames_blocked() > 0) {
+      fmt::print("{} frames are left out: solids block their beams\n", reply.frames_blocked());
+    }
+    std::fflush(stdout);
+  }
+  if (options.no_wait) {
+    if (common.json) fmt::print("{}\n", JsonText(reply));
+    return OkStatus();
+  }
+  std::signal(SIGINT, Detach);
+  MESORIG_ASSIGN_OR_RETURN(const v1::SessionEnded ended, AwaitEnd(*daemon, reply));
+  if (!ended.complete()) {
+    return absl::AbortedError(fmt::format("session {} is incomplete: {} ({} of {} frames durable)",
+                                          reply.session_id(), ended.reason(),
+                                          ended.frames_durable(), reply.frames()));
+  }
+  if (!common.json) {
+    fmt::print("complete: {} of {} frames on disk, {} at the rig, {} here\n",
+               ended.frames_durable(), reply.frames(), DurationText(ended.virtual_s()),
+               DurationText(ended.wall_s()));
+    std::fflush(stdout);
+  }
+  v1::ProductsReply products;
+  if (!options.no_products) {
+    MESORIG_ASSIGN_OR_RETURN(products, Products(common, reply.session_id()));
+  }
+  if (common.json) {
+    fmt::print("{}\n", ToJson(reply, ended, products).dump());
+    return OkStatus();
+  }
+  for (const auto& product : products.products()) {
+    fmt::print("{}: {} ({})\n", product.kind(), product.path(), BytesText(product.bytes()));
+  }
+  return OkStatus();
+}
+
+}  // namespace
+
+Command AddRunCommand(CLI::App& app, Common& common) {
+  auto options = std::make_shared<RunOptions>();  // lives as long as the parsed command
+  CLI::App* run = app.add_subcommand(
+      "run", "Run a plan and wait for its end and its products; Ctrl-C detaches");
+  run->add_option("plan", options->plan, "Plan file (plans/*.toml)")->required();
+  run->add_flag("--no-wait", options->no_wait, "Return once the session is journaled");
+  run->add_flag("--no-products", options->no_products, "Do not wait for the processing service");
+  return {run, [options, &common] { return Run(*options, common); }};
+}
+
+}  // namespace mesorig::client

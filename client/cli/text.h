@@ -1,0 +1,34 @@
+#pragma once
+// How the command line says things.
+
+#include <string>
+#include <string_view>
+
+#include "protocol/messages/control.pb.h"
+#include "protocol/messages/processing.pb.h"
+
+namespace mesorig::client {
+
+std::string_view StateName(v1::State state);
+// "226.5 MB"
+std::string BytesText(uint64_t bytes);
+// "3 min 20 s"
+std::string DurationText(double seconds);
+// One line an event, without its end of line.
+std::string EventText(const v1::Event& event);
+// Any message as one line of JSON, with the names of the .proto file and zeros included.
+std::string JsonText(const google::protobuf::Message& message);
+
+// A bar on a terminal (stderr), nothing elsewhere.
+class ProgressBar {
+ public:
+  ProgressBar();
+  ~ProgressBar();  // ends its line
+  void Show(uint32_t done, uint32_t total, std::string_view unit);
+
+ private:
+  const bool terminal_;
+  bool shown_ = false;
+};
+
+}  // namespace mesorig::client

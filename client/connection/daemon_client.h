@@ -1,0 +1,41 @@
+#pragma once
+// The daemon as its clients see it. Thread-safe; Watch blocks its caller.
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "protocol/base/status.h"
+#include "protocol/messages/control.pb.h"
+#include "protocol/messages/frames.pb.h"
+
+namespace mesorig::client {
+
+class DaemonClient {
+ public:
+  // Finds mesorigd in the runtime directory and shakes hands. Unavailable: it is not running or
+  // does not answer; FailedPrecondition: it speaks another major version.
+  static StatusOr<std::unique_ptr<DaemonClient>> Connect(const std::filesystem::path& runtime_dir);
+  ~DaemonClient();
+
+  const v1::HelloReply& hello() const;
+  StatusOr<v1::RunReply> Run(std::string_view plan_toml, std::string_view plan_name);
+  StatusOr<v1::StatusReply> GetStatus();
+  Status Stop(std::string_view reason);
+  Status Pause();
+  Status Resume();
+  StatusOr<v1::ListSessionsReply> ListSessions();
+  StatusOr<v1::SessionReply> GetSession(std::string_view session_id);
+  // Events above `after_sequence`, then as they happen, until `on_event` returns false (OK) or the
+  // stream breaks (Unavailable).
+  Status Watch(uint64_t after_sequence, const std::function<bool(const v1::Event&)>& on_event);
+
+ private:
+  struct State;
+  explicit DaemonClient(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace mesorig::client
