@@ -151,13 +151,15 @@ void ModbusBus::Finish(const std::shared_ptr<Job>& job, Status result) {
 void ModbusBus::Run() {
   last_telegram_ = last_request_ = clock_.Now();
   for (;;) {
-    const bool silent = options_.keep_alive == kNever ||
+    const bool silent = options_.keep_alive == kNever || write_failed_ ||
                         last_telegram_ - last_request_ > options_.keep_alive_limit;
     const RigTime due = silent ? kNever : last_telegram_ + options_.keep_alive;
     clock_.WaitUntil(due, [&] { return closing_ || !jobs_.empty(); });
     if (const auto job = TakeJob()) {
       last_telegram_ = last_request_ = clock_.Now();
-      Finish(job, Annotate(Execute(job->work), fmt::format("Modbus {}", endpoint_)));
+      const Status result = Execute(job->work);
+      if (job->writes) write_failed_ = !result.ok();
+      Finish(job, Annotate(result, fmt::format("Modbus {}", endpoint_)));
       continue;
     }
     bool closing = false;

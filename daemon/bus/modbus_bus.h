@@ -3,7 +3,7 @@
 // thread with a queue of jobs. libmodbus blocks; the thread runs meanwhile, so that virtual time
 // stands still (docs/lockstep.md). While its owner works, the bus sends a keep-alive read so that
 // the slave's communication-loss timeout does not fire during long moves; when the owner has asked
-// for nothing for `keep_alive_limit`, it stops, and the slave's timeout acts.
+// for nothing for `keep_alive_limit`, or a write has failed, it stops, and the slave's timeout acts.
 
 #include <cstdint>
 #include <deque>
@@ -75,6 +75,7 @@ class ModbusBus {
   Context context_;
   bool connected_ = true;
   bool keep_alive_failed_ = false;
+  bool write_failed_ = false;  // the last one
   RigTime last_telegram_{}, last_request_{};
   // Guarded by the clock's lock. Jobs are shared between the one who waits and the bus thread.
   std::deque<std::shared_ptr<Job>> jobs_;

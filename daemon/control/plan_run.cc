@@ -109,6 +109,7 @@ StatusOr<std::vector<double>> PlanRun::ReadLevels() {
 }
 
 bool PlanRun::Steady(const std::vector<double>& levels) const {
+  if (levels.size() != context_.rig.lamps.size()) return false;  // no reading yet
   for (size_t i = 0; i < levels.size(); ++i) {
     const double wanted = static_cast<int>(i) == lamp_ ? 1 : 0;
     if (!(std::abs(levels[i] - wanted) <= kSteadyLevel)) return false;
@@ -116,7 +117,8 @@ bool PlanRun::Steady(const std::vector<double>& levels) const {
   return true;
 }
 
-// Measures instead of sleeping: the light is steady when two readings in a row say so.
+// Measures instead of sleeping: steady light has had the rig's settling time, and two readings in a
+// row say that it is there.
 Status PlanRun::SwitchLamp(int lamp) {
   const auto& lamps = context_.rig.lamps;
   lamp_ = lamp;
@@ -124,26 +126,26 @@ Status PlanRun::SwitchLamp(int lamp) {
       context_.devices.lamps->SwitchTo(lamp < 0 ? -1 : lamps[lamp].channel));
   double settle_s = 0;  // lamps that go off count too
   for (const auto& each : lamps) settle_s = std::max(settle_s, each.settle_s);
-  const RigTime deadline = context_.clock.Now() + FromSeconds(settle_s * kSettleTimes);
-  MESORIG_ASSIGN_OR_RETURN(std::vector<double> last, ReadLevels());
-  for (;;) {
-    const RigTime next = context_.clock.Now() + FromSeconds(settle_s / kPollsPerSettle);
+  const RigTime start = context_.clock.Now();
+  std::vector<double> last, levels;
+  for (int poll = 1; poll <= kPollsPerSettle * kSettleTimes; ++poll) {
+    const RigTime next = start + FromSeconds(settle_s * poll / kPollsPerSettle);
     const Status waited = context_.devices.stop->Wait(next, [] { return false; });
     if (absl::IsCancelled(waited)) return waited;
-    MESORIG_ASSIGN_OR_RETURN(std::vector<double> levels, ReadLevels());
+    last = std::move(levels);
+    MESORIG_ASSIGN_OR_RETURN(levels, ReadLevels());
+    if (poll < kPollsPerSettle || !Steady(levels) || !Steady(last)) continue;
     double change = 0;
     for (size_t i = 0; i < levels.size(); ++i) {
       change = std::max(change, std::abs(levels[i] - last[i]));
     }
-    if (Steady(levels) && Steady(last) && change <= kSteadyChange) return OkStatus();
-    if (context_.clock.Now() >= deadline) break;
-    last = std::move(levels);
+    if (change <= kSteadyChange) return OkStatus();
   }
-  const std::string name = lamp < 0 ? "all lamps off" : "lamp " + lamps[lamp].name;
-  std::string levels;
-  for (const double level : last) levels += fmt::format(" {:.3f}", level);
-  return Unavailable("{}: light not steady after {:.3f} s; levels read back:{}", name,
-                     settle_s * kSettleTimes, levels);
+  std::string read_back;
+  for (const double level : levels) read_back += fmt::format(" {:.3f}", level);
+  return Unavailable("{}: light not steady after {:.3f} s; levels read back:{}",
+                     lamp < 0 ? "all lamps off" : "lamp " + lamps[lamp].name,
+                     settle_s * kSettleTimes, read_back);
 }
 
 Status PlanRun::ConfigureCameras(const Step& step) {

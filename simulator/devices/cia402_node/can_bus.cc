@@ -37,6 +37,7 @@ void CanBusDevice::Command(RigTime now, std::string_view payload, sim_wire::Outb
     spdlog::warn("can: {}", Message(frame.status()));
     return;
   }
+  SendPending(out);  // said before this frame
   for (auto& node : nodes_) {
     node->Receive(*frame, now);
     Collect(*node, now, out);
@@ -54,16 +55,18 @@ RigTime CanBusDevice::NextEvent() const {
 }
 
 void CanBusDevice::RunEvent(RigTime now, sim_wire::Outbox& out) {
-  if (now >= pending_at_) {
-    for (const auto& frame : pending_) out.Send(sim_wire::Pack(frame));
-    pending_.clear();
-    pending_at_ = kNever;
-  }
+  if (now >= pending_at_) SendPending(out);
   for (auto& node : nodes_) {
     if (node->NextEvent() > now) continue;
     node->RunEvent(now);
     Collect(*node, now, out);
   }
+}
+
+void CanBusDevice::SendPending(sim_wire::Outbox& out) {
+  for (const auto& frame : pending_) out.Send(sim_wire::Pack(frame));
+  pending_.clear();
+  pending_at_ = kNever;
 }
 
 void CanBusDevice::Collect(Cia402Node& from, RigTime now, sim_wire::Outbox& out) {

@@ -26,6 +26,7 @@ class CanBusDevice final : public sim_wire::SimDevice {
   size_t node_count() const { return nodes_.size(); }
 
  private:
+  void SendPending(sim_wire::Outbox& out);
   void Collect(Cia402Node& from, RigTime now, sim_wire::Outbox& out);
   std::vector<std::unique_ptr<Cia402Node>> nodes_;
   std::vector<sim_wire::CanFrame> pending_;  // said outside a call of the dispatcher

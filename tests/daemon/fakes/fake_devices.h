@@ -1,0 +1,256 @@
+#pragma once
+// Devices of a rig in memory, with one log of what was asked of them in which order. The listener of
+// the log is called before each operation takes effect; what it returns fails the operation.
+
+#include <cmath>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "daemon/device/axis.h"
+#include "daemon/device/camera.h"
+#include "daemon/device/digital_lines.h"
+#include "daemon/device/lamp_bank.h"
+#include "daemon/device/stop_flag.h"
+#include "protocol/plan/plan.h"
+#include "protocol/rig/rig.h"
+
+namespace mesorig::daemon {
+
+class OperationLog {
+ public:
+  using Listener = std::function<Status(int index, const std::string& operation)>;
+  void OnOperation(Listener listener) {
+    std::lock_guard lock(mutex_);
+    listener_ = std::move(listener);
+  }
+  Status Add(const std::string& operation) {
+    int index = 0;
+    Listener listener;
+    {
+      std::lock_guard lock(mutex_);
+      index = static_cast<int>(operations_.size());
+      operations_.push_back(operation);
+      listener = listener_;
+    }
+    return listener ? listener(index, operation) : OkStatus();
+  }
+  std::vector<std::string> operations() const {
+    std::lock_guard lock(mutex_);
+    return operations_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<std::string> operations_;
+  Listener listener_;
+};
+
+class FakeAxis final : public Axis {
+ public:
+  FakeAxis(RigClock& clock, const StopFlag& stop, OperationLog& log, const mesorig::Axis& axis)
+      : clock_(clock), stop_(stop), log_(log), axis_(axis) {}
+  const std::string& name() const override { return axis_.name; }
+  Status Enable() override {
+    MESORIG_RETURN_IF_ERROR(Say("enable"));
+    reading_.enabled = true;
+    return OkStatus();
+  }
+  Status Disable() override {
+    reading_.enabled = reading_.moving = false;  // also when the answer gets lost
+    return Say("disable");
+  }
+  Status StartHoming() override {
+    MESORIG_RETURN_IF_ERROR(Say("home"));
+    Begin(0, std::chrono::seconds(2));
+    return OkStatus();
+  }
+  Status AwaitHoming(RigTime deadline) override {
+    MESORIG_RETURN_IF_ERROR(Say("homed"));
+    MESORIG_RETURN_IF_ERROR(Arrive(deadline));
+    reading_.referenced = true;
+    return OkStatus();
+  }
+  Status StartMove(double target_rad) override {
+    MESORIG_RETURN_IF_ERROR(Say(fmt::format("move {:.0f}", DegFromRad(target_rad))));
+    if (!reading_.enabled || !reading_.referenced) return FailedPrecondition("not ready");
+    Begin(target_rad, FromSeconds(MoveSeconds(axis_, target_rad - reading_.position_rad)));
+    return OkStatus();
+  }
+  Status AwaitMove(RigTime deadline) override {
+    MESORIG_RETURN_IF_ERROR(Say("there"));
+    return Arrive(deadline);
+  }
+  Status QuickStop() override {
+    reading_.moving = false;
+    return Say("quick stop");
+  }
+  AxisReading Read() const override { return reading_; }
+
+ private:
+  Status Say(const std::string& what) { return log_.Add(axis_.name + " " + what); }
+  void Begin(double target_rad, RigTime span) {
+    target_rad_ = target_rad;
+    arrival_ = clock_.Now() + span;
+    reading_.moving = true;
+  }
+  Status Arrive(RigTime deadline) {
+    const Status waited = stop_.Wait(std::min(deadline, arrival_), [] { return false; });
+    if (absl::IsCancelled(waited)) return waited;
+    if (clock_.Now() < arrival_) return DeadlineExceeded("{}: late", axis_.name);
+    reading_.position_rad = target_rad_;
+    reading_.read_at = clock_.Now();
+    reading_.moving = false;
+    return OkStatus();
+  }
+  RigClock& clock_;
+  const StopFlag& stop_;
+  OperationLog& log_;
+  const mesorig::Axis axis_;
+  AxisReading reading_;
+  double target_rad_ = 0;
+  RigTime arrival_{};
+};
+
+// First-order lamps.
+class FakeLampBank final : public LampBank {
+ public:
+  FakeLampBank(RigClock& clock, OperationLog& log, const Rig& rig)
+      : clock_(clock), log_(log), lamps_(rig.lamps), start_(lamps_.size()), target_(lamps_.size()) {}
+  double brightest = 1;  // what a lamp that is on reaches
+  Status Open() override { return log_.Add("lamps open"); }
+  Status SwitchTo(int channel) override {
+    MESORIG_RETURN_IF_ERROR(log_.Add(fmt::format("lamp {}", channel)));
+    Switch(channel);
+    return OkStatus();
+  }
+  StatusOr<std::vector<double>> ReadLevels() override {
+    MESORIG_RETURN_IF_ERROR(log_.Add("levels"));
+    std::lock_guard lock(mutex_);
+    return LevelsNow();
+  }
+  Status AllOff() override {
+    MESORIG_RETURN_IF_ERROR(log_.Add("lamps off"));
+    Switch(-1);
+    return OkStatus();
+  }
+  bool anything_on() const {
+    std::lock_guard lock(mutex_);
+    for (const double target : target_) {
+      if (target > 0) return true;
+    }
+    return false;
+  }
+
+ private:
+  void Switch(int channel) {
+    std::lock_guard lock(mutex_);
+    start_ = LevelsNow();
+    changed_ = clock_.Now();
+    for (size_t i = 0; i < lamps_.size(); ++i) {
+      target_[i] = lamps_[i].channel == channel ? brightest : 0;
+    }
+  }
+  std::vector<double> LevelsNow() const {
+    const double t = Seconds(clock_.Now() - changed_);
+    std::vector<double> levels;
+    for (size_t i = 0; i < lamps_.size(); ++i) {
+      levels.push_back(target_[i] + (start_[i] - target_[i]) * std::exp(-t / lamps_[i].rise_s));
+    }
+    return levels;
+  }
+  RigClock& clock_;
+  OperationLog& log_;
+  const std::vector<Lamp> lamps_;
+  mutable std::mutex mutex_;
+  std::vector<double> start_, target_;
+  RigTime changed_{};
+};
+
+class FakeLines final : public DigitalLines {
+ public:
+  explicit FakeLines(RigClock& clock) : clock_(clock) {}
+  StatusOr<bool> Read(int line) override {
+    StatusOr<bool> level = true;
+    clock_.Read([&] {
+      if (broken_) {
+        level = Unavailable("chip gone");
+      } else {
+        level = !open_.contains(line);
+      }
+    });
+    return level;
+  }
+  void OnEdge(std::function<void(int, bool, RigTime)> on_edge) override {
+    clock_.Change([&] { on_edge_ = std::move(on_edge); });
+  }
+  void Set(int line, bool level) {
+    const RigTime now = clock_.Now();
+    clock_.Change([&] {
+      if (level) {
+        open_.erase(line);
+      } else {
+        open_.insert(line);
+      }
+      if (on_edge_) on_edge_(line, level, now);
+    });
+  }
+  void Break() {
+    clock_.Change([&] { broken_ = true; });
+  }
+
+ private:
+  RigClock& clock_;
+  std::set<int> open_;
+  bool broken_ = false;
+  std::function<void(int, bool, RigTime)> on_edge_;
+};
+
+class FakeCamera final : public Camera {
+ public:
+  FakeCamera(RigClock& clock, const StopFlag& stop, OperationLog& log,
+             const mesorig::Camera& camera)
+      : clock_(clock), stop_(stop), log_(log), camera_(camera) {}
+  std::set<uint32_t> lost_triggers;  // of these no frame comes
+  const std::string& name() const override { return camera_.name; }
+  Status Open() override { return log_.Add(camera_.name + " open"); }
+  Status Configure(double exposure_s, uint32_t) override {
+    MESORIG_RETURN_IF_ERROR(log_.Add(fmt::format("{} exposure {}", camera_.name, exposure_s)));
+    exposure_s_ = exposure_s;
+    return OkStatus();
+  }
+  Status Trigger(uint32_t trigger_id) override {
+    MESORIG_RETURN_IF_ERROR(log_.Add(fmt::format("{} trigger {}", camera_.name, trigger_id)));
+    triggered_at_ = clock_.Now();
+    return OkStatus();
+  }
+  StatusOr<CapturedFrame> Await(uint32_t trigger_id, RigTime deadline) override {
+    MESORIG_RETURN_IF_ERROR(log_.Add(fmt::format("{} frame {}", camera_.name, trigger_id)));
+    const bool lost = lost_triggers.contains(trigger_id);
+    const RigTime end = triggered_at_ + FromSeconds(exposure_s_);
+    const RigTime delivery = lost ? kNever : end + FromSeconds(camera_.readout_s);
+    const Status waited = stop_.Wait(std::min(deadline, delivery), [] { return false; });
+    if (absl::IsCancelled(waited)) return waited;
+    if (lost) return DeadlineExceeded("camera {}: no frame of trigger {}", camera_.name, trigger_id);
+    CapturedFrame frame{trigger_id, ++frames_, triggered_at_, end,
+                        camera_.width, camera_.height, camera_.bits, nullptr};
+    frame.pixels = std::make_shared<const std::string>(camera_.frame_bytes(), 'p');
+    return frame;
+  }
+  uint64_t dropped_frames() const override { return 0; }
+
+ private:
+  RigClock& clock_;
+  const StopFlag& stop_;
+  OperationLog& log_;
+  const mesorig::Camera camera_;
+  double exposure_s_ = 0;
+  RigTime triggered_at_{};
+  uint64_t frames_ = 0;
+};
+
+}  // namespace mesorig::daemon

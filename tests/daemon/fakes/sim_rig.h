@@ -1,0 +1,204 @@
+#pragma once
+// The simulator's devices in a thread of this process, and the daemon's end of them in lockstep:
+// what a driver or the sequencer meets in `mesorigd`, less the pictures.
+
+#include <unistd.h>
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "daemon/bus/sim_can_port.h"
+#include "daemon/bus/sim_line_port.h"
+#include "daemon/drivers/driver.h"
+#include "protocol/sim_wire/sim_link.h"
+#include "simulator/devices/camera/camera_device.h"
+#include "simulator/devices/cia402_node/can_bus.h"
+#include "simulator/devices/digital_lines/digital_lines.h"
+#include "simulator/devices/lamp_slave/lamp_bank_model.h"
+#include "simulator/devices/lamp_slave/lamp_slave.h"
+
+namespace mesorig::daemon {
+
+// The CAN bus with somebody at its wires. Settings are made while time stands still.
+class MeddledCan final : public sim_wire::SimDevice {
+ public:
+  MeddledCan(const Rig& rig, simulator::Contactor& contactor) : bus_(rig, 7, contactor) {}
+  std::atomic<bool> mute{false};          // nothing of what the daemon says arrives
+  std::atomic<uint16_t> abort_index{0};   // SDO writes of this object are aborted with abort_code
+  std::atomic<uint32_t> abort_code{0};
+  std::atomic<int> commands{0};
+
+  std::string name() const override { return bus_.name(); }
+  void Command(RigTime now, std::string_view payload, sim_wire::Outbox& out) override {
+    ++commands;
+    if (mute) return;
+    const auto frame = sim_wire::UnpackCanFrame(payload).value();
+    const auto index = static_cast<uint16_t>(frame.data[1] | frame.data[2] << 8);
+    if ((frame.id & 0x780) == 0x600 && frame.data[0] != 0x40 && index == abort_index) {
+      sim_wire::CanFrame reply{static_cast<uint16_t>(frame.id - 0x80), 8, frame.data};
+      reply.data[0] = 0x80;
+      for (int i = 0; i < 4; ++i) reply.data[4 + i] = static_cast<uint8_t>(abort_code >> (8 * i));
+      out.Send(sim_wire::Pack(reply));
+      return;
+    }
+    bus_.Command(now, payload, out);
+  }
+  StatusOr<std::string> Query(RigTime now, std::string_view payload,
+                              sim_wire::Outbox& out) override {
+    return bus_.Query(now, payload, out);
+  }
+  RigTime NextEvent() const override { return bus_.NextEvent(); }
+  void RunEvent(RigTime now, sim_wire::Outbox& out) override { bus_.RunEvent(now, out); }
+  const simulator::Cia402Node& node(size_t axis) const { return bus_.node(axis); }
+
+ private:
+  simulator::CanBusDevice bus_;
+};
+
+// Does something to the rig at an instant of virtual time.
+class TimedHand final : public sim_wire::SimDevice {
+ public:
+  std::string name() const override { return "hand"; }
+  // Before time moves.
+  void At(RigTime when, std::function<void(RigTime)> what) {
+    when_ = when;
+    what_ = std::move(what);
+  }
+  void Command(RigTime, std::string_view, sim_wire::Outbox&) override {}
+  StatusOr<std::string> Query(RigTime, std::string_view, sim_wire::Outbox&) override {
+    return InvalidArgument("a hand answers nothing");
+  }
+  RigTime NextEvent() const override { return when_; }
+  void RunEvent(RigTime now, sim_wire::Outbox&) override {
+    when_ = kNever;
+    what_(now);
+  }
+
+ private:
+  RigTime when_ = kNever;
+  std::function<void(RigTime)> what_;
+};
+
+// Light that depends on where the axes stand and what shines.
+class AngleSource final : public simulator::ImageSource {
+ public:
+  AngleSource(const Rig& rig, const MeddledCan& can, const simulator::LampBankModel& lamps)
+      : rig_(rig), can_(can), lamps_(lamps) {}
+  Scene Observe(RigTime from, RigTime to) override {
+    Scene scene;
+    for (size_t i = 0; i < rig_.axes.size(); ++i) {
+      const double counts = can_.node(i).WorldCounts(to);
+      scene.axis_rad.push_back(counts / rig_.axes[i].counts_per_turn * 2 * kPi);
+      scene.key.axis_counts.push_back(std::llround(counts));
+    }
+    scene.lamp_level = lamps_.MeanLevels(from, to);
+    scene.key.lamp_levels = lamps_.CommandedLevels();
+    scene.key.seed = 7;
+    return scene;
+  }
+  StatusOr<std::vector<float>> ExpectedElectrons(int camera, const Scene& scene,
+                                                 double exposure_s) override {
+    const auto& description = rig_.cameras[camera];
+    double light = 0;
+    for (const double level : scene.lamp_level) light += level;
+    const double electrons = exposure_s * 1e5 * light * (2 + std::sin(scene.axis_rad[0]));
+    return std::vector<float>(static_cast<size_t>(description.width) * description.height,
+                              static_cast<float>(electrons));
+  }
+
+ private:
+  const Rig& rig_;
+  const MeddledCan& can_;
+  const simulator::LampBankModel& lamps_;
+};
+
+// The simulator's end.
+class SimRig {
+ public:
+  explicit SimRig(const Rig& rig) : can(rig, contactor), lamps(rig, contactor),
+                                    lines(rig.lines, contactor), source_(rig, can, lamps) {
+    static std::atomic<int> count{0};
+    dir_ = std::filesystem::temp_directory_path() /
+           fmt::format("mesorig-sim-rig-{}-{}", ::getpid(), count++);
+    std::filesystem::create_directories(dir_);
+    for (size_t i = 0; i < rig.cameras.size(); ++i) {
+      cameras_.push_back(
+          std::make_unique<simulator::CameraDevice>(rig, static_cast<int>(i), source_));
+    }
+    slave_ = simulator::LampSlave::Listen(lamps, rig.lamp_bank.unit).value();
+    std::vector<sim_wire::SimDevice*> devices{&hand, &lines, &lamps, &can};
+    for (const auto& camera : cameras_) devices.push_back(camera.get());
+    sim_wire::SimServerOptions options;
+    options.welcome.modbus_endpoint = slave_->endpoint();
+    server_ = std::make_unique<sim_wire::SimServer>(sim_wire::Listen(dir_ / "s").value(), devices,
+                                                    options);
+    slave_->Start(*server_);
+    thread_ = std::thread([this] { (void)server_->Run(); });
+  }
+  ~SimRig() {
+    slave_.reset();
+    server_->Stop();
+    thread_.join();
+    std::filesystem::remove_all(dir_);
+  }
+  std::string endpoint() const { return "unix:" + (dir_ / "s").string(); }
+  // Looks at or changes the world at the present instant.
+  void Exclusive(const std::function<void(RigTime)>& f) { server_->RunExclusive(f); }
+
+  simulator::Contactor contactor;
+  TimedHand hand;
+  MeddledCan can;
+  simulator::LampBankModel lamps;
+  simulator::DigitalLinesDevice lines;
+
+ private:
+  AngleSource source_;
+  std::vector<std::unique_ptr<simulator::CameraDevice>> cameras_;
+  std::unique_ptr<simulator::LampSlave> slave_;
+  std::unique_ptr<sim_wire::SimServer> server_;
+  std::filesystem::path dir_;
+  std::thread thread_;
+};
+
+// The daemon's end: link, buses, and a context to make devices of.
+class RigEnd {
+ public:
+  RigEnd(const SimRig& sim, const Rig& rig)
+      : link(sim_wire::SimLink::Connect(sim.endpoint()).value()), stop(*link) {
+    can_port_ = SimCanPort::Open(*link).value();
+    line_port_ = SimLinePort::Open(*link).value();
+    CanBusOptions can_options;
+    can_options.heartbeat = FromSeconds(rig.heartbeat_s);
+    can = std::make_unique<CanBus>(*link, *can_port_, can_options);
+    ModbusBusOptions modbus_options;
+    modbus_options.unit = rig.lamp_bank.unit;
+    modbus_options.keep_alive = FromSeconds(rig.lamp_bank.timeout_s / 3);
+    modbus = ModbusBus::Connect(*link, link->welcome().modbus_endpoint, modbus_options).value();
+    context.clock = link.get();
+    context.rig = &rig;
+    context.stop = &stop;
+    context.can = can.get();
+    context.modbus = modbus.get();
+    context.lines = line_port_.get();
+    context.simulator = link.get();
+  }
+
+  std::unique_ptr<sim_wire::SimLink> link;
+  StopFlag stop;
+
+ private:
+  std::unique_ptr<SimCanPort> can_port_;
+  std::unique_ptr<SimLinePort> line_port_;
+
+ public:
+  std::unique_ptr<CanBus> can;
+  std::unique_ptr<ModbusBus> modbus;
+  DriverContext context;
+};
+
+}  // namespace mesorig::daemon
