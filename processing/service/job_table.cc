@@ -1,0 +1,99 @@
+#include "processing/service/job_table.h"
+
+#include "protocol/wire/grpc_status.h"
+
+namespace mesorig::service {
+
+void JobTable::StartLocked(const std::string& session_id) {
+  if (stopped_) return;
+  jobs_[session_id] = std::make_shared<SessionJob>(session_id, options_, slots_, [this] {
+    MutexLock lock(mutex_);
+    changed_.NotifyAll();
+  });
+}
+
+void JobTable::StartIfNew(const std::string& session_id) {
+  if (!CheckSessionId(session_id).ok() || OnDisk(session_id, nullptr)) return;
+  MutexLock lock(mutex_);
+  if (!jobs_.contains(session_id)) StartLocked(session_id);
+}
+
+void JobTable::Start(const std::string& session_id) {
+  if (!CheckSessionId(session_id).ok() || OnDisk(session_id, nullptr)) return;
+  std::shared_ptr<SessionJob> before;  // ends outside the lock, which its thread may take
+  {
+    MutexLock lock(mutex_);
+    const auto found = jobs_.find(session_id);
+    if (found != jobs_.end() && !found->second->failed()) return;
+    if (found != jobs_.end()) before = std::move(found->second);
+    StartLocked(session_id);
+  }
+}
+
+void JobTable::Stop() {
+  std::map<std::string, std::shared_ptr<SessionJob>> jobs;
+  {
+    MutexLock lock(mutex_);
+    stopped_ = true;
+    jobs.swap(jobs_);
+    changed_.NotifyAll();
+  }
+  for (auto& [id, job] : jobs) job->Stop();
+}
+
+bool JobTable::OnDisk(const std::string& session_id, v1::ProductsReply* reply) const {
+  const std::filesystem::path path = ProductPath(options_.products_dir, session_id);
+  std::error_code error;
+  const auto bytes = std::filesystem::file_size(path, error);
+  if (error) return false;
+  if (reply == nullptr) return true;
+  reply->set_session_id(session_id);
+  reply->set_done(true);
+  v1::Product& product = *reply->add_products();
+  product.set_kind("btf");
+  product.set_path(std::filesystem::absolute(path).string());
+  product.set_bytes(bytes);
+  return true;
+}
+
+grpc::Status JobTable::GetProducts(grpc::ServerContext*, const v1::ProductsRequest* request,
+                                   v1::ProductsReply* reply) {
+  const std::string& id = request->session_id();
+  if (const Status status = CheckSessionId(id); !status.ok()) return wire::ToGrpc(status);
+  std::shared_ptr<SessionJob> job;
+  {
+    MutexLock lock(mutex_);
+    if (const auto found = jobs_.find(id); found != jobs_.end()) job = found->second;
+  }
+  if (job != nullptr) {
+    *reply = job->Snapshot();
+  } else if (!OnDisk(id, reply)) {
+    return wire::ToGrpc(NotFound("session {} is not known to mesorig-processd", id));
+  }
+  return grpc::Status::OK;
+}
+
+grpc::Status JobTable::AwaitProducts(grpc::ServerContext* context,
+                                     const v1::ProductsRequest* request,
+                                     v1::ProductsReply* reply) {
+  const std::string& id = request->session_id();
+  if (const Status status = CheckSessionId(id); !status.ok()) return wire::ToGrpc(status);
+  StartIfNew(id);
+  std::shared_ptr<SessionJob> job;
+  {
+    MutexLock lock(mutex_);
+    if (const auto found = jobs_.find(id); found != jobs_.end()) job = found->second;
+    while (job != nullptr && !job->finished() && !stopped_ && !context->IsCancelled()) {
+      changed_.WaitFor(mutex_, std::chrono::milliseconds(100));
+    }
+  }
+  if (job == nullptr) {
+    if (OnDisk(id, reply)) return grpc::Status::OK;
+    return wire::ToGrpc(Unavailable("mesorig-processd is stopping"));
+  }
+  if (!job->finished()) return wire::ToGrpc(Unavailable("mesorig-processd is stopping"));
+  *reply = job->Snapshot();
+  return grpc::Status::OK;
+}
+
+}  // namespace mesorig::service

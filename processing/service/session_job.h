@@ -1,0 +1,86 @@
+#pragma once
+// Turns one session's frames into its products, as they arrive.
+
+#include <atomic>
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <semaphore>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "processing/assemble/assembler.h"
+#include "processing/service/calls.h"
+#include "protocol/base/mutex.h"
+#include "protocol/messages/frames.pb.h"
+#include "protocol/messages/processing.pb.h"
+
+namespace mesorig::service {
+
+struct JobOptions {
+  std::filesystem::path runtime_dir, products_dir;
+  double patience_s = 30;  // how long the daemon may be away before the session is given up
+};
+
+// At most this many frames are computed at a time, of all sessions.
+inline constexpr int kComputeThreads = 2;
+using ComputeSlots = std::counting_semaphore<kComputeThreads>;
+
+// `<products_dir>/<session_id>/sample.btf.exr`.
+std::filesystem::path ProductPath(const std::filesystem::path& products_dir,
+                                  const std::string& session_id);
+// InvalidArgument for an id that is no plain folder name.
+Status CheckSessionId(const std::string& session_id);
+
+// One thread a camera reads the frames and computes them; each has a connection of its own and
+// goes on from its cursor when the daemon was away. Runs on the host's clock: virtual time never
+// waits for it. What was not packed when it ends is gone; a new job begins at the first frame.
+class SessionJob {
+ public:
+  // `on_change` is called, without a lock, whenever Snapshot() has changed for good (done or
+  // failed). `slots` is borrowed.
+  SessionJob(std::string session_id, JobOptions options, ComputeSlots& slots,
+             std::function<void()> on_change);
+  ~SessionJob();  // stops it and waits
+  void Stop() { stop_.Stop(); }
+  // As the Processing service tells it. Any thread.
+  v1::ProductsReply Snapshot() const;
+  bool finished() const;
+  bool failed() const;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  void Run();
+  Status Process();
+  StatusOr<v1::SessionReply> AskSession();
+  Status ReadAllCameras(const assemble::Assembler& assembler, const std::vector<int>& cameras);
+  Status ReadCamera(int camera);
+  // Reads until the stream ends; `cursor` follows. Unavailable: the daemon went away.
+  Status ReadStream(int camera, uint64_t& cursor, Clock::time_point& last_sign);
+  Status Take(int camera, const v1::Frame& frame);
+  Status CheckComplete();
+  Status Pack();
+  void Fail(const Status& status);
+
+  const std::string session_id_;
+  const JobOptions options_;
+  ComputeSlots& slots_;
+  const std::function<void()> on_change_;
+  StopSignal stop_;
+  Rig rig_;
+  std::unique_ptr<assemble::Assembler> assembler_;  // from Process, before any reader starts
+
+  mutable Mutex mutex_;
+  v1::ProductsReply state_ GUARDED_BY(mutex_);
+  bool failed_ GUARDED_BY(mutex_) = false;
+  std::optional<Clock::time_point> first_frame_ GUARDED_BY(mutex_);
+  double busy_s_ GUARDED_BY(mutex_) = 0;
+  uint32_t received_ GUARDED_BY(mutex_) = 0;
+  std::thread thread_;  // last: runs on the members above
+};
+
+}  // namespace mesorig::service
