@@ -3,10 +3,12 @@
 #include <grpcpp/grpcpp.h>
 
 #include "protocol/base/runtime_dir.h"
+#include "protocol/wire/grpc_alive.h"
 
 namespace mesorig::wire {
 
 std::shared_ptr<grpc::Channel> MakeChannel(std::string_view endpoint) {
+  KeepGrpcAlive();
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(256 << 20);
   arguments.SetInt("grpc.use_local_subchannel_pool", 1);

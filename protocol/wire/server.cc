@@ -2,10 +2,13 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include "protocol/wire/grpc_alive.h"
+
 namespace mesorig::wire {
 
 StatusOr<std::unique_ptr<grpc::Server>> StartServer(PublishedEndpoint& endpoint,
                                                     const std::vector<grpc::Service*>& services) {
+  KeepGrpcAlive();
   const std::string address = "unix:" + endpoint.socket_path().string();
   grpc::ServerBuilder builder;
   int bound = 0;
