@@ -86,3 +86,33 @@ function(mesorig_write_graph)
   endforeach()
   file(WRITE ${CMAKE_BINARY_DIR}/target_graph.txt "${text}")
 endfunction()
+
+# mesorig_add_codec(view_svd "view-svd" DECODE view_svd.cc ENCODE encode.cc [GLSL decode.glsl] [LINK ...])
+# Targets codecs_decode_<id> and codecs_encode_<id>; codecs_decode and codecs_encode link them all.
+# The sources define mesorig::codecs::<id>::TheDecoder() and TheEncoder(). GLSL becomes
+# generated/processing/codecs/<id>/decode_glsl.inc, a raw string literal. LINK is for the encoder.
+function(mesorig_add_codec id public_name)
+  cmake_parse_arguments(arg "" "GLSL" "DECODE;ENCODE;LINK" ${ARGN})
+  if(arg_GLSL)
+    set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${arg_GLSL})
+    file(READ ${arg_GLSL} glsl)
+    file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/generated/processing/codecs/${id}/decode_glsl.inc
+         CONTENT "R\"glsl(@glsl@)glsl\"\n" @ONLY)
+  endif()
+  mesorig_add_library(codecs_decode_${id} SOURCES ${arg_DECODE} LINK mesorig::codecs_decode_core)
+  mesorig_add_library(codecs_encode_${id} SOURCES ${arg_ENCODE}
+    LINK codecs_decode_${id} mesorig::codecs_encode_core)
+  target_link_libraries(codecs_encode_${id} PRIVATE nlohmann_json::nlohmann_json ${arg_LINK})
+  set_property(GLOBAL APPEND PROPERTY MESORIG_CODEC_IDS ${id})
+  mesorig_registry_entry(codecs ${id} "${public_name}")
+endfunction()
+
+# mesorig_add_importer(multi_light "multi-light" SOURCES multi_light.cc [LINK ...])
+# Target processing_exchange_<id>; the sources define mesorig::exchange::<id>::TheImporter().
+function(mesorig_add_importer id public_name)
+  cmake_parse_arguments(arg "" "" "SOURCES;LINK" ${ARGN})
+  mesorig_add_library(processing_exchange_${id} SOURCES ${arg_SOURCES} LINK mesorig::processing_btf)
+  target_link_libraries(processing_exchange_${id} PRIVATE ${arg_LINK})
+  set_property(GLOBAL APPEND PROPERTY MESORIG_IMPORTER_IDS ${id})
+  mesorig_registry_entry(exchange ${id} "${public_name}")
+endfunction()

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <Imath/half.h>
 #include <OpenEXR/ImfChannelList.h>
 
 #include <algorithm>
@@ -219,10 +220,7 @@ StatusOr<SampledBtf> ReadSampledBtf(const std::filesystem::path& path) {
                            path.string(), info.codec);
   }
   MESORIG_ASSIGN_OR_RETURN(const auto parts, PartsByName(reader));
-  MESORIG_RETURN_IF_ERROR(
-      CheckMemory(12.0 * static_cast<double>(info.header.texel_count()) *
-                      static_cast<double>(info.present.size()),
-                  path.string()));
+  MESORIG_RETURN_IF_ERROR(CheckDenseMemory(info.header, path));
   SampledBtf btf(info.header);
   for (int v = 0; v < info.header.view_count(); ++v) {
     bool any = false;
@@ -337,6 +335,16 @@ std::pair<int, int> PreviewPair(const BtfHeader& header, const std::vector<uint8
     }
   }
   return best;
+}
+
+Status CheckDenseMemory(const BtfHeader& header, const std::filesystem::path& path) {
+  return CheckMemory(12.0 * static_cast<double>(header.texel_count()) *
+                         static_cast<double>(header.views.size() * header.lights.size()),
+                     path.string());
+}
+
+void RoundToHalf(std::span<float> values) {
+  for (float& value : values) value = static_cast<float>(Imath::half(value));
 }
 
 uint64_t UncompressedBytes(const BtfHeader& header, const std::vector<uint8_t>& present) {

@@ -62,6 +62,10 @@ StatusOr<CodedBtf> ReadCodedBtf(const std::filesystem::path& path);
 // The pair whose image stands in part 0: the present one whose view is nearest to the zenith and
 // whose light stands nearest to 35 degrees from it. {0, 0} when nothing is present.
 std::pair<int, int> PreviewPair(const BtfHeader& header, const std::vector<uint8_t>& present);
+// InvalidArgument, with sizes, where a SampledBtf of this header exceeds the machine's memory.
+Status CheckDenseMemory(const BtfHeader& header, const std::filesystem::path& path);
+// To the nearest half and back, as a plane stored as half reads. What overflows becomes infinite.
+void RoundToHalf(std::span<float> values);
 // The size that the present samples would have as half, without any compression, bytes: the
 // numerator of every compression ratio.
 uint64_t UncompressedBytes(const BtfHeader& header, const std::vector<uint8_t>& present);

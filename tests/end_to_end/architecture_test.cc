@@ -39,7 +39,7 @@ const std::map<std::string, Prefixes> kMayLink = {
     {"client", {"protocol_base", "protocol_rig", "protocol_plan", "protocol_messages",
                 "protocol_wire", "client_"}},
     {"processing_btf", {"protocol_base", "protocol_rig"}},
-    {"codecs_decode", {"protocol_base", "processing_btf"}},
+    {"codecs_decode", {"protocol_base", "processing_btf", "codecs_decode"}},
     {"codecs_encode", {"protocol_base", "processing_btf", "codecs_"}},
     {"codecs_", {"protocol_base", "processing_btf", "codecs_"}},
     {"processing", {"protocol_base", "protocol_rig", "protocol_plan", "processing_", "codecs_"}},

@@ -1,0 +1,27 @@
+#include "processing/codecs/codec.h"
+
+namespace mesorig::codecs {
+
+Status EncodedBtf::PredictImage(int, Vec3, std::span<float>) const {
+  return Unimplemented("codec {} cannot predict light directions that were not measured",
+                       info().codec);
+}
+
+StatusOr<btf::Plane> TakePlane(btf::CodedBtf& file, const std::string& name, int width, int height,
+                               const std::vector<std::string>& channels) {
+  const auto at = file.planes.find(name);
+  if (at == file.planes.end()) return InvalidArgument("part {} is missing", name);
+  btf::Plane plane = std::move(at->second);
+  file.planes.erase(at);
+  if (plane.width != width || plane.height != height) {
+    return InvalidArgument("part {} has {} x {} pixels, {} x {} are expected", name, plane.width,
+                           plane.height, width, height);
+  }
+  if (plane.channels != channels) {
+    return InvalidArgument("part {} has {} channels, not the {} that are expected", name,
+                           plane.channels.size(), channels.size());
+  }
+  return plane;
+}
+
+}  // namespace mesorig::codecs

@@ -1,0 +1,152 @@
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "processing/codecs/encoder.h"
+#include "processing/codecs/view_svd/factorise.h"
+#include "processing/codecs/view_svd/view_svd.h"
+
+namespace mesorig::codecs::view_svd {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::MatrixXf;
+
+constexpr Eigen::Index kBlock = 2048;  // rows at a time: fits the cache for a hundred views
+constexpr double kMaxGramBytes = 4e9;
+
+// The images of `views` under `light`, rows [first, first + rows), as columns.
+MatrixXf Block(const btf::SampledBtf& btf, const std::vector<int>& views, int light,
+               Eigen::Index first, Eigen::Index rows) {
+  MatrixXf block(rows, static_cast<Eigen::Index>(views.size()));
+  for (size_t i = 0; i < views.size(); ++i) {
+    block.col(static_cast<Eigen::Index>(i)) =
+        Eigen::Map<const Eigen::VectorXf>(btf.Image(views[i], light).data() + first, rows);
+  }
+  return block;
+}
+
+template <typename Function>
+void ForBlocks(const btf::SampledBtf& btf, const Function& function) {
+  const auto size = static_cast<Eigen::Index>(btf.image_size());
+  for (Eigen::Index first = 0; first < size; first += kBlock) {
+    function(first, std::min(kBlock, size - first));
+  }
+}
+
+StatusOr<std::vector<LightGroup>> Groups(const btf::SampledBtf& btf) {
+  std::map<std::vector<int>, std::vector<int>> lights_of;
+  for (int l = 0; l < btf.header().light_count(); ++l) {
+    std::vector<int> views;
+    for (int v = 0; v < btf.header().view_count(); ++v) {
+      if (btf.Present(v, l)) views.push_back(v);
+    }
+    if (!views.empty()) lights_of[views].push_back(l);
+  }
+  double bytes = 0;
+  for (const auto& [views, lights] : lights_of) {
+    bytes += 8.0 * static_cast<double>(views.size()) * static_cast<double>(views.size());
+  }
+  if (bytes > kMaxGramBytes) {
+    return InvalidArgument("{} patterns of absent views need {:.1f} GB, at most {:.1f} are taken",
+                           lights_of.size(), bytes * 1e-9, kMaxGramBytes * 1e-9);
+  }
+  std::vector<LightGroup> groups;
+  for (const auto& [views, lights] : lights_of) {
+    const auto n = static_cast<Eigen::Index>(views.size());
+    MatrixXd gram = MatrixXd::Zero(n, n);
+    for (const int l : lights) {
+      ForBlocks(btf, [&](Eigen::Index first, Eigen::Index rows) {
+        const MatrixXd block = Block(btf, views, l, first, rows).cast<double>();
+        gram.selfadjointView<Eigen::Lower>().rankUpdate(block.transpose());
+      });
+    }
+    gram = MatrixXd(gram.selfadjointView<Eigen::Lower>());
+    groups.push_back({views, lights, std::move(gram)});
+  }
+  return groups;
+}
+
+// G_l = M_l A_l into layers light * terms + term.
+std::vector<float> EigenTextures(const btf::SampledBtf& btf, const std::vector<LightGroup>& groups,
+                                 const MatrixXd& e) {
+  const size_t terms = static_cast<size_t>(e.cols()), size = btf.image_size();
+  std::vector<float> layers(btf.header().lights.size() * terms * size, 0.0f);
+  for (const LightGroup& group : groups) {
+    const MatrixXf a = OnPresent(e, group.views).cast<float>();
+    for (const int l : group.lights) {
+      float* const first_layer = layers.data() + static_cast<size_t>(l) * terms * size;
+      ForBlocks(btf, [&](Eigen::Index first, Eigen::Index rows) {
+        Eigen::Map<MatrixXf, 0, Eigen::OuterStride<>> out(
+            first_layer + first, rows, e.cols(),
+            Eigen::OuterStride<>(static_cast<Eigen::Index>(size)));
+        out.noalias() = Block(btf, group.views, l, first, rows) * a;
+      });
+    }
+  }
+  return layers;
+}
+
+// Every term's eigen-textures are brought to a largest magnitude in (1/2, 1] by a power of two,
+// which goes into E: half can neither overflow nor lose digits to the scaling.
+void Balance(std::vector<float>& layers, size_t size, MatrixXd& e) {
+  const auto terms = static_cast<size_t>(e.cols());
+  std::vector<float> largest(terms, 0.0f);
+  const auto for_layers = [&](const auto& function) {
+    for (size_t layer = 0; layer * size < layers.size(); ++layer) {
+      for (size_t i = layer * size; i < (layer + 1) * size; ++i) function(layer % terms, layers[i]);
+    }
+  };
+  for_layers([&](size_t k, float& x) { largest[k] = std::max(largest[k], std::abs(x)); });
+  std::vector<float> factor(terms, 1.0f);
+  for (size_t k = 0; k < terms; ++k) {
+    int exponent = 0;
+    if (largest[k] > 0) std::frexp(largest[k], &exponent);
+    exponent = std::clamp(exponent, -100, 100);
+    factor[k] = std::ldexp(1.0f, -exponent);
+    e.col(static_cast<Eigen::Index>(k)) *= std::ldexp(1.0, exponent);
+  }
+  for_layers([&](size_t k, float& x) { x *= factor[k]; });
+}
+
+class ViewSvdEncoder final : public Encoder {
+ public:
+  std::string_view name() const override { return kName; }
+
+  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
+                                               const EncodeOptions& options) const override {
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf));
+    const int views = btf.header().view_count();
+    const bool all = options.terms == kAllTerms;
+    int terms = all ? views : options.terms;
+    if (terms == 0) terms = std::min(kDefaultTerms, views);
+    if (terms < 1 || terms > views) {
+      return InvalidArgument("{} terms, permitted are 1 to {} (views) or all", terms, views);
+    }
+    MESORIG_ASSIGN_OR_RETURN(const std::vector<LightGroup> groups, Groups(btf));
+    MatrixXd e = Factorise(groups, views, terms);
+    std::vector<float> layers = EigenTextures(btf, groups, e);
+    Balance(layers, btf.image_size(), e);
+    if (!all) btf::RoundToHalf(layers);
+    std::vector<float> weights;
+    for (Eigen::Index v = 0; v < e.rows(); ++v) {
+      for (Eigen::Index k = 0; k < e.cols(); ++k) weights.push_back(static_cast<float>(e(v, k)));
+    }
+    btf::BtfFileInfo info = InfoOf(btf, kName, kVersion);
+    info.codec_options_json = nlohmann::json{{"terms", terms}, {"half", !all}}.dump();
+    MESORIG_ASSIGN_OR_RETURN(auto encoded,
+                             ViewSvdBtf::Create(std::move(info), terms, !all, std::move(weights),
+                                                std::move(layers)));
+    return std::unique_ptr<EncodedBtf>(std::move(encoded));
+  }
+};
+
+}  // namespace
+
+const Encoder& TheEncoder() {
+  static const ViewSvdEncoder encoder;
+  return encoder;
+}
+
+}  // namespace mesorig::codecs::view_svd
