@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 
 #include "processing/btf/errors.h"
 
 namespace mesorig::codecs {
 namespace {
 
+constexpr double kTiny = 1e-9;
 constexpr int kMinLights = 4;  // three unknowns of Lambert's law beside the one left out
 
 struct SquareSum {
@@ -74,8 +76,9 @@ SquareSum LambertErrors(const btf::SampledBtf& btf, int view, int light) {
     directions.row(static_cast<Eigen::Index>(i)) << d.x, d.y, d.z;
   }
   const Vec3& d = h.lights[static_cast<size_t>(light)];
-  const Eigen::VectorXd combination =
-      directions.transpose().completeOrthogonalDecomposition().solve(Eigen::Vector3d(d.x, d.y, d.z));
+  Eigen::Matrix3d normal = directions.transpose() * directions;
+  normal.diagonal().array() += kTiny;  // fewer than three independent lights
+  const Eigen::VectorXd combination = directions * normal.ldlt().solve(Eigen::Vector3d(d.x, d.y, d.z));
   const Grey grey(h);
   const auto measured = btf.Image(view, light);
   SquareSum errors;
