@@ -1,0 +1,46 @@
+#pragma once
+// The subcommands of mesorig-btf, without their command lines. Each prints its result to standard
+// output, as text or as one JSON object.
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "processing/codecs/encoder.h"
+#include "protocol/base/status.h"
+
+namespace mesorig::processing {
+
+Status Info(const std::filesystem::path& file, bool json);
+
+Status Import(const std::filesystem::path& from, const std::string& format,
+              const std::filesystem::path& to, bool json);
+
+struct CompressOptions {
+  std::filesystem::path from, to;
+  std::string codec;
+  codecs::EncodeOptions encode;
+  bool json = false;
+};
+Status Compress(const CompressOptions& options);
+
+Status Compare(const std::filesystem::path& a, const std::filesystem::path& reference, bool json);
+
+struct SliceOptions {
+  std::filesystem::path from, to;
+  int view = 0, light = 0;
+  double exposure = 0;  // 0: so that all but the brightest hundredth is below white
+  bool json = false;
+};
+Status Slice(const SliceOptions& options);
+
+struct CrossValidateOptions {
+  std::filesystem::path from;
+  std::string codec;
+  codecs::EncodeOptions encode;
+  std::optional<std::filesystem::path> pictures;  // folder for measured | predicted, one a light
+  bool json = false;
+};
+Status CrossValidateFile(const CrossValidateOptions& options);
+
+}  // namespace mesorig::processing

@@ -1,0 +1,139 @@
+// mesorig-btf: the tool on BTF files.
+
+#include <CLI/CLI.hpp>
+#include <charconv>
+
+#include "processing/app/btf_commands.h"
+#include "processing/exchange/importer.h"
+#include "protocol/base/program.h"
+
+namespace {
+
+using mesorig::Status;
+namespace processing = mesorig::processing;
+namespace codecs = mesorig::codecs;
+
+template <typename Registry>
+std::string Names(const Registry& registry) {
+  std::string names;
+  for (const auto* entry : registry) names += (names.empty() ? "" : ", ") + std::string(entry->name());
+  return names;
+}
+
+// "4" or "all".
+std::string SetTerms(const std::string& text, int& terms) {
+  if (text == "all") {
+    terms = codecs::kAllTerms;
+    return {};
+  }
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), terms);
+  if (error == std::errc() && end == text.data() + text.size() && terms >= 1) return {};
+  return "`" + text + "` is neither a number >= 1 nor `all`";
+}
+
+void AddEncodeOptions(CLI::App* command, codecs::EncodeOptions& options) {
+  command
+      ->add_option_function<std::string>(
+          "--terms", [&options](const std::string& text) {
+            if (const std::string problem = SetTerms(text, options.terms); !problem.empty()) {
+              throw CLI::ValidationError("--terms", problem);
+            }
+          },
+          "terms of a factorisation, or `all`")
+      ->type_name("N|all");
+  command->add_option("--regularisation", options.regularisation,
+                      "weight of the codec's prior, in lights (rf-ptm: 0.01)")
+      ->check(CLI::Range(0.0, 1e6));
+}
+
+struct Arguments {
+  std::string from, to, reference, format = "multi-light", pictures;
+  processing::CompressOptions compress;
+  processing::SliceOptions slice;
+  processing::CrossValidateOptions cross;
+  bool json = false;
+};
+
+CLI::App* AddCommand(CLI::App& app, const char* name, const char* text, Arguments& a) {
+  CLI::App* command = app.add_subcommand(name, text);
+  command->add_flag("--json", a.json, "print one JSON object");
+  return command;
+}
+
+void AddCommands(CLI::App& app, Arguments& a) {
+  CLI::App* info = AddCommand(app, "info", "what a BTF file holds", a);
+  info->add_option("file", a.from, "*.btf.exr")->required();
+
+  CLI::App* import = AddCommand(app, "import", "a foreign format to a BTF file", a);
+  import->add_option("from", a.from, "folder or file to read")->required();
+  import->add_option("--format", a.format, Names(mesorig::exchange::AllImporters()))
+      ->capture_default_str();
+  import->add_option("-o,--out", a.to, "BTF file to write")->required();
+
+  CLI::App* compress = AddCommand(
+      app, "compress",
+      "compress a BTF file; prints seconds, bytes, errors and the ratio: bytes that the samples "
+      "present would have as half, without any packing, over bytes of the file written", a);
+  compress->add_option("file", a.from, "uncompressed *.btf.exr")->required();
+  compress->add_option("--codec", a.compress.codec, Names(codecs::AllEncoders()))->required();
+  compress->add_option("-o,--out", a.to, "BTF file to write")->required();
+  AddEncodeOptions(compress, a.compress.encode);
+
+  CLI::App* compare = AddCommand(
+      app, "compare",
+      "errors of one BTF file against another, compressed or not, over the pairs present in both; "
+      "psnr_db has peak 1/pi sr^-1 (1, code value 255, where not calibrated)", a);
+  compare->add_option("file", a.from, "*.btf.exr")->required();
+  compare->add_option("reference", a.reference, "*.btf.exr")->required();
+
+  CLI::App* cross = AddCommand(
+      app, "cross-validate",
+      "leave out each light in turn, predict it; PSNR of Rec. 601 grey inside the mask, clipped to "
+      "0-255, beside that of a Lambert fit", a);
+  cross->add_option("file", a.from, "uncompressed *.btf.exr")->required();
+  cross->add_option("--codec", a.cross.codec, Names(codecs::AllEncoders()))->required();
+  cross->add_option("--pictures", a.pictures, "folder for PNGs, measured | predicted a light");
+  AddEncodeOptions(cross, a.cross.encode);
+
+  CLI::App* slice = AddCommand(app, "slice", "one image of a BTF file as PNG", a);
+  slice->add_option("file", a.from, "*.btf.exr")->required();
+  slice->add_option("--view", a.slice.view, "index of the view")->required();
+  slice->add_option("--light", a.slice.light, "index of the light")->required();
+  slice->add_option("--exposure", a.slice.exposure, "factor before sRGB; chosen without it")
+      ->check(CLI::PositiveNumber);
+  slice->add_option("-o,--out", a.to, "PNG to write")->required();
+}
+
+Status Run(const CLI::App& app, Arguments& a) {
+  if (app.got_subcommand("info")) return processing::Info(a.from, a.json);
+  if (app.got_subcommand("import")) return processing::Import(a.from, a.format, a.to, a.json);
+  if (app.got_subcommand("compare")) return processing::Compare(a.from, a.reference, a.json);
+  if (app.got_subcommand("compress")) {
+    a.compress.from = a.from;
+    a.compress.to = a.to;
+    a.compress.json = a.json;
+    return processing::Compress(a.compress);
+  }
+  if (app.got_subcommand("slice")) {
+    a.slice.from = a.from;
+    a.slice.to = a.to;
+    a.slice.json = a.json;
+    return processing::Slice(a.slice);
+  }
+  a.cross.from = a.from;
+  a.cross.json = a.json;
+  if (!a.pictures.empty()) a.cross.pictures = a.pictures;
+  return processing::CrossValidateFile(a.cross);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "mesorig-btf: the tool on BTF files (how a material looks from every view under every "
+      "light).\nExample: mesorig-btf compress sample.btf.exr --codec view-svd --out small.btf.exr");
+  app.require_subcommand(1);
+  Arguments arguments;
+  AddCommands(app, arguments);
+  return mesorig::RunProgram(app, "mesorig-btf", argc, argv, [&] { return Run(app, arguments); });
+}
