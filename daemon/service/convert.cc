@@ -1,0 +1,99 @@
+#include "daemon/service/convert.h"
+
+#include <algorithm>
+
+namespace mesorig::daemon {
+
+v1::State ToMessage(SequencerState state) {
+  switch (state) {
+    case SequencerState::kIdle:
+      return v1::IDLE;
+    case SequencerState::kRunning:
+      return v1::RUNNING;
+    case SequencerState::kStopping:
+      return v1::STOPPING;
+    case SequencerState::kFault:
+      return v1::FAULT;
+  }
+  return v1::STATE_UNSPECIFIED;
+}
+
+v1::StatusReply ToMessage(const SequencerStatus& status, uint32_t frames_planned) {
+  v1::StatusReply reply;
+  reply.set_state(ToMessage(status.state));
+  reply.set_session_id(status.session_id);
+  reply.set_shots_done(status.shots_done);
+  reply.set_shots(status.shots);
+  reply.set_frames_durable(status.frames_durable);
+  reply.set_frames(frames_planned);
+  reply.set_rig_s(status.rig_s);
+  reply.set_estimated_s(status.estimated_s);
+  reply.set_message(status.message);
+  reply.set_deterministic(status.deterministic);
+  for (const Reading& reading : status.readings) {
+    v1::Reading& out = *reply.add_readings();
+    out.set_name(reading.name);
+    out.set_value(reading.value);
+    out.set_unit(reading.unit);
+    out.set_age_s(std::max(0.0, Seconds(status.now - reading.read_at)));
+  }
+  return reply;
+}
+
+v1::Event ToMessage(const SequencerEvent& event, uint32_t frames_planned) {
+  const SequencerStatus& status = event.status;
+  v1::Event out;
+  out.set_rig_s(status.rig_s);
+  switch (event.kind) {
+    case SequencerEvent::Kind::kState:
+      out.mutable_state()->set_state(ToMessage(status.state));
+      out.mutable_state()->set_reason(event.text);
+      break;
+    case SequencerEvent::Kind::kStarted:
+      out.mutable_started()->set_session_id(status.session_id);
+      out.mutable_started()->set_shots(status.shots);
+      out.mutable_started()->set_frames(frames_planned);
+      break;
+    case SequencerEvent::Kind::kProgress:
+      out.mutable_progress()->set_session_id(status.session_id);
+      out.mutable_progress()->set_shots_done(status.shots_done);
+      out.mutable_progress()->set_frames_durable(status.frames_durable);
+      break;
+    case SequencerEvent::Kind::kEnded: {
+      v1::SessionEnded& ended = *out.mutable_ended();
+      ended.set_session_id(status.session_id);
+      ended.set_complete(event.complete);
+      if (!event.complete) ended.set_reason(event.text);
+      ended.set_frames_durable(status.frames_durable);
+      ended.set_virtual_s(event.virtual_s);
+      ended.set_wall_s(event.wall_s);
+      ended.set_deterministic(status.deterministic);
+      break;
+    }
+    case SequencerEvent::Kind::kNote:
+      out.set_note(event.text);
+      break;
+  }
+  return out;
+}
+
+v1::FrameHeader ToMessage(const FrameRecord& record) {
+  v1::FrameHeader header;
+  header.set_sequence(record.sequence);
+  header.set_camera(static_cast<uint32_t>(record.camera));
+  header.set_shot(record.shot);
+  header.set_frame_id(record.frame_id);
+  header.set_supersedes(record.supersedes);
+  header.set_exposure_start_ns(record.exposure_start_ns);
+  header.set_exposure_end_ns(record.exposure_end_ns);
+  header.set_exposure_s(record.exposure_s);
+  header.mutable_axis_rad()->Add(record.axis_rad.begin(), record.axis_rad.end());
+  header.mutable_lamp_level()->Add(record.lamp_level.begin(), record.lamp_level.end());
+  header.set_width(static_cast<uint32_t>(record.width));
+  header.set_height(static_cast<uint32_t>(record.height));
+  header.set_bits(static_cast<uint32_t>(record.bits));
+  header.set_digest(record.digest);
+  return header;
+}
+
+}  // namespace mesorig::daemon

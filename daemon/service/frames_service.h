@@ -1,0 +1,34 @@
+#pragma once
+// The Frames service (protocol/messages/frames.proto). Subscribe is a raw method: a frame goes out
+// as two slices, the pixels uncopied (wire::EncodeFrame). Each subscription has a thread, which
+// waits for the ledger and for the client; neither holds anybody else up.
+
+#include <atomic>
+
+#include "daemon/service/session_store.h"
+#include "protocol/messages/frames.grpc.pb.h"
+
+namespace mesorig::daemon {
+
+// Borrows the store.
+class FramesService final
+    : public v1::Frames::WithRawCallbackMethod_Subscribe<v1::Frames::Service> {
+ public:
+  explicit FramesService(SessionStore& sessions) : sessions_(sessions) {}
+
+  // Ends the subscriptions.
+  void BeginShutdown() { shutting_down_ = true; }
+
+  grpc::Status GetSession(grpc::ServerContext* context, const v1::SessionRequest* request,
+                          v1::SessionReply* reply) override;
+  grpc::Status ListSessions(grpc::ServerContext* context, const v1::ListSessionsRequest* request,
+                            v1::ListSessionsReply* reply) override;
+  grpc::ServerWriteReactor<grpc::ByteBuffer>* Subscribe(grpc::CallbackServerContext* context,
+                                                        const grpc::ByteBuffer* request) override;
+
+ private:
+  SessionStore& sessions_;
+  std::atomic<bool> shutting_down_{false};
+};
+
+}  // namespace mesorig::daemon

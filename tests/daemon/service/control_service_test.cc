@@ -1,0 +1,174 @@
+#include "tests/daemon/service/service_fixture.h"
+
+namespace mesorig::daemon {
+namespace {
+
+using ControlServiceTest = ServiceTest;
+
+TEST_F(ControlServiceTest, HelloRefusesAnotherMajorVersion) {
+  v1::HelloRequest request;
+  v1::HelloReply reply;
+  request.set_client("test 1");
+  request.set_protocol_major(wire::kProtocolMajor);
+  {
+    grpc::ClientContext context;
+    ASSERT_TRUE(control_->Hello(&context, request, &reply).ok());
+  }
+  EXPECT_EQ(reply.rig_name(), "demo");
+  EXPECT_EQ(reply.rig_sha256(), rig_.sha256);
+  request.set_protocol_major(wire::kProtocolMajor + 1);
+  grpc::ClientContext context;
+  const grpc::Status status = control_->Hello(&context, request, &reply);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_NE(status.error_message().find("test 1 speaks protocol version 2"), std::string::npos)
+      << status.error_message();
+}
+
+TEST_F(ControlServiceTest, RunStartsASession) {
+  v1::RunReply reply;
+  const grpc::Status status = Run(PlanText(), &reply);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(reply.shots(), 8u);
+  EXPECT_EQ(reply.frames(), 64u);
+  EXPECT_EQ(reply.frame_bytes(), 64u * 128);
+  EXPECT_GT(reply.estimated_s(), 0);
+  ASSERT_NE(sequencer_.session(), nullptr);
+  EXPECT_EQ(sequencer_.session()->id(), reply.session_id());
+  EXPECT_EQ(PackPlan(sequencer_.plan()), sequencer_.session()->plan_bin());
+  EXPECT_TRUE(std::filesystem::exists(root() / reply.session_id() / "plan.bin"));
+  // A second one while it runs: refused, and nothing on the disk.
+  const grpc::Status second = Run(PlanText(), &reply);
+  EXPECT_EQ(second.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_NE(second.error_message().find(reply.session_id()), std::string::npos);
+  EXPECT_EQ(ListSessions(root())->size(), 1u);
+}
+
+TEST_F(ControlServiceTest, AWrongPlanNamesItsPlace) {
+  v1::RunReply reply;
+  const grpc::Status status = Run(PlanText() + "speed = 3\n", &reply);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_TRUE(status.error_message().starts_with("test.toml:13:")) << status.error_message();
+  EXPECT_TRUE(ListSessions(root())->empty());
+}
+
+TEST_F(ControlServiceTest, ARefusedStartEndsItsSession) {
+  sequencer_.Refuse(FailedPrecondition("the door is open"));
+  v1::RunReply reply;
+  const grpc::Status status = Run(PlanText(), &reply);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(status.error_message(), "the door is open");
+  const auto ids = ListSessions(root());
+  ASSERT_EQ(ids->size(), 1u);
+  const SessionSummary summary = (*Session::Open(root(), ids->front()))->Summary();
+  EXPECT_EQ(summary.end, SessionEnd::kIncomplete);
+  EXPECT_EQ(summary.reason, "the door is open");
+}
+
+TEST_F(ControlServiceTest, StatusCarriesReadingsWithTheirAge) {
+  v1::RunReply run;
+  ASSERT_TRUE(Run(PlanText(), &run).ok());
+  SequencerStatus status = sequencer_.GetStatus();
+  status.now = FromSeconds(100);
+  status.shots_done = 3;
+  status.frames_durable = 17;
+  status.readings = {{"lamp lamp3", "1", 0.75, FromSeconds(98.5)}};
+  sequencer_.SetStatus(status);
+  grpc::ClientContext context;
+  v1::StatusReply reply;
+  ASSERT_TRUE(control_->GetStatus(&context, v1::StatusRequest(), &reply).ok());
+  EXPECT_EQ(reply.state(), v1::RUNNING);
+  EXPECT_EQ(reply.session_id(), run.session_id());
+  EXPECT_EQ(reply.shots_done(), 3u);
+  EXPECT_EQ(reply.frames_durable(), 17u);
+  EXPECT_EQ(reply.frames(), 64u);
+  ASSERT_EQ(reply.readings_size(), 1);
+  EXPECT_EQ(reply.readings(0).name(), "lamp lamp3");
+  EXPECT_EQ(reply.readings(0).value(), 0.75);
+  EXPECT_DOUBLE_EQ(reply.readings(0).age_s(), 1.5);
+}
+
+TEST_F(ControlServiceTest, WatchReplaysAndFollows) {
+  v1::RunReply run;
+  ASSERT_TRUE(Run(PlanText(), &run).ok());
+  sequencer_.Emit({.kind = SequencerEvent::Kind::kStarted});
+  sequencer_.Emit({.kind = SequencerEvent::Kind::kNote, .text = "camera cam3 owed a frame"});
+  grpc::ClientContext context;
+  const auto stream = control_->Watch(&context, v1::WatchRequest());
+  v1::Event event;
+  ASSERT_TRUE(stream->Read(&event));
+  EXPECT_EQ(event.sequence(), 1u);
+  EXPECT_EQ(event.started().session_id(), run.session_id());
+  EXPECT_EQ(event.started().frames(), 64u);
+  ASSERT_TRUE(stream->Read(&event));
+  EXPECT_EQ(event.note(), "camera cam3 owed a frame");
+  SequencerEvent ended{.kind = SequencerEvent::Kind::kEnded};
+  ended.text = "the door was opened";
+  ended.virtual_s = 8;
+  sequencer_.Emit(ended);
+  ASSERT_TRUE(stream->Read(&event));
+  EXPECT_EQ(event.sequence(), 3u);
+  EXPECT_FALSE(event.ended().complete());
+  EXPECT_EQ(event.ended().reason(), "the door was opened");
+  EXPECT_EQ(event.ended().virtual_s(), 8);
+  service_->BeginShutdown();
+  EXPECT_FALSE(stream->Read(&event));
+  EXPECT_EQ(stream->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+}
+
+TEST_F(ControlServiceTest, AnyoneMayStop) {
+  grpc::ClientContext context;
+  v1::StopRequest request;
+  v1::StopReply reply;
+  request.set_reason("smoke");
+  ASSERT_TRUE(control_->Stop(&context, request, &reply).ok());
+  EXPECT_EQ(sequencer_.stopped(), std::vector<std::string>{"stopped: smoke"});
+}
+
+TEST_F(ControlServiceTest, WhatIsNotThereYetSaysSo) {
+  grpc::ClientContext pause_context, resume_context;
+  v1::PauseReply pause_reply;
+  v1::ResumeReply resume_reply;
+  const auto pause = control_->Pause(&pause_context, v1::PauseRequest(), &pause_reply);
+  const auto resume = control_->Resume(&resume_context, v1::ResumeRequest(), &resume_reply);
+  EXPECT_EQ(pause.error_code(), grpc::StatusCode::UNIMPLEMENTED);
+  EXPECT_NE(pause.error_message().find("mesorig stop"), std::string::npos);
+  EXPECT_EQ(resume.error_code(), grpc::StatusCode::UNIMPLEMENTED);
+}
+
+TEST_F(ControlServiceTest, AFaultIsToldAndNothingStartsAnyMore) {
+  service_->ReportFault("mesorig-sim is gone");
+  grpc::ClientContext context;
+  v1::StatusReply reply;
+  ASSERT_TRUE(control_->GetStatus(&context, v1::StatusRequest(), &reply).ok());
+  EXPECT_EQ(reply.state(), v1::FAULT);
+  EXPECT_EQ(reply.message(), "mesorig-sim is gone");
+  v1::RunReply run;
+  const grpc::Status status = Run(PlanText(), &run);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE);
+  EXPECT_EQ(status.error_message(), "mesorig-sim is gone");
+  EXPECT_TRUE(ListSessions(root())->empty());
+}
+
+// Stops beside Runs: whenever a Stop came, a plan that was being started is not left running
+// without the sequencer having heard of the stop.
+TEST_F(ControlServiceTest, AStopDuringRunIsNotLost) {
+  std::thread stopper([&] {
+    for (int i = 0; i < 50; ++i) {
+      grpc::ClientContext context;
+      v1::StopReply reply;
+      EXPECT_TRUE(control_->Stop(&context, v1::StopRequest(), &reply).ok());
+    }
+  });
+  for (int i = 0; i < 5; ++i) {
+    v1::RunReply reply;
+    const grpc::Status status = Run(PlanText(), &reply);
+    EXPECT_TRUE(status.ok() || status.error_code() == grpc::StatusCode::CANCELLED)
+        << status.error_message();
+    sequencer_.SetStatus({});
+  }
+  stopper.join();
+  EXPECT_GE(sequencer_.stopped().size(), 50u);
+}
+
+}  // namespace
+}  // namespace mesorig::daemon

@@ -1,0 +1,130 @@
+#pragma once
+// The services on a socket of their own, over a sequencer that the test drives by hand.
+
+#include <grpcpp/grpcpp.h>
+
+#include <thread>
+
+#include "daemon/service/daemon_service.h"
+#include "protocol/base/mutex.h"
+#include "protocol/base/runtime_dir.h"
+#include "protocol/messages/control.grpc.pb.h"
+#include "protocol/messages/frames.grpc.pb.h"
+#include "protocol/wire/channel.h"
+#include "protocol/wire/server.h"
+#include "tests/daemon/session/session_fixture.h"
+
+namespace mesorig::daemon {
+
+class FakeSequencer final : public Sequencer {
+ public:
+  Status Start(CompiledPlan plan, std::shared_ptr<Session> session) override {
+    MutexLock lock(mutex_);
+    if (!refusal_.ok()) return refusal_;
+    status_.state = SequencerState::kRunning;
+    status_.session_id = session->id();
+    status_.shots = plan.shots;
+    plan_ = std::move(plan);
+    session_ = std::move(session);
+    return OkStatus();
+  }
+  Status Stop(std::string_view reason) override {
+    MutexLock lock(mutex_);
+    stopped_.emplace_back(reason);
+    return OkStatus();
+  }
+  SequencerStatus GetStatus() const override {
+    MutexLock lock(mutex_);
+    return status_;
+  }
+  void OnEvent(std::function<void(const SequencerEvent&)> listener) override {
+    MutexLock lock(mutex_);
+    listener_ = std::move(listener);
+  }
+
+  void Emit(SequencerEvent event) {
+    event.status = GetStatus();
+    std::function<void(const SequencerEvent&)> listener;
+    {
+      MutexLock lock(mutex_);
+      listener = listener_;
+    }
+    if (listener) listener(event);
+  }
+  void Refuse(Status refusal) {
+    MutexLock lock(mutex_);
+    refusal_ = std::move(refusal);
+  }
+  void SetStatus(SequencerStatus status) {
+    MutexLock lock(mutex_);
+    status_ = std::move(status);
+  }
+  std::shared_ptr<Session> session() const {
+    MutexLock lock(mutex_);
+    return session_;
+  }
+  CompiledPlan plan() const {
+    MutexLock lock(mutex_);
+    return plan_;
+  }
+  std::vector<std::string> stopped() const {
+    MutexLock lock(mutex_);
+    return stopped_;
+  }
+
+ private:
+  mutable Mutex mutex_;
+  Status refusal_ GUARDED_BY(mutex_);
+  SequencerStatus status_ GUARDED_BY(mutex_);
+  CompiledPlan plan_ GUARDED_BY(mutex_);
+  std::shared_ptr<Session> session_ GUARDED_BY(mutex_);  // as the real one holds it
+  std::vector<std::string> stopped_ GUARDED_BY(mutex_);
+  std::function<void(const SequencerEvent&)> listener_ GUARDED_BY(mutex_);
+};
+
+class ServiceTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    auto endpoint = PublishedEndpoint::Claim(folder_.path() / "run", wire::kDaemonName);
+    ASSERT_TRUE(endpoint.ok()) << endpoint.status();
+    endpoint_ = std::make_unique<PublishedEndpoint>(*std::move(endpoint));
+    service_ = DaemonService::Create(rig_, sequencer_, root());
+    auto server = wire::StartServer(*endpoint_, service_->services());
+    ASSERT_TRUE(server.ok()) << server.status();
+    server_ = *std::move(server);
+    auto channel = wire::ConnectTo(folder_.path() / "run", wire::kDaemonName);
+    ASSERT_TRUE(channel.ok()) << channel.status();
+    control_ = v1::Control::NewStub(*channel);
+    frames_ = v1::Frames::NewStub(*channel);
+  }
+  void TearDown() override {
+    if (service_) service_->BeginShutdown();
+    if (server_) server_->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(5));
+    server_.reset();
+  }
+  std::filesystem::path root() const { return folder_.path() / "sessions"; }
+  std::string PlanText() const {
+    return "name = \"small\"\n[sample]\nname = \"s\"\n"
+           "[product]\nwidth_px = 4\nheight_px = 4\npitch_mm = 1\nh_ref_mm = 4.5\n"
+           "[[grid]]\nexposure_s = 0.02\n[grid.axes.turntable]\nangles_deg = [0]\n"
+           "[grid.axes.light_arc]\nangles_deg = [30]\n";
+  }
+  grpc::Status Run(const std::string& plan, v1::RunReply* reply) {
+    grpc::ClientContext context;
+    v1::RunRequest request;
+    request.set_plan_toml(plan);
+    request.set_plan_name("test.toml");
+    return control_->Run(&context, request, reply);
+  }
+
+  TemporaryFolder folder_;
+  const Rig rig_ = SmallRig();
+  FakeSequencer sequencer_;
+  std::unique_ptr<PublishedEndpoint> endpoint_;
+  std::unique_ptr<DaemonService> service_;
+  std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<v1::Control::Stub> control_;
+  std::unique_ptr<v1::Frames::Stub> frames_;
+};
+
+}  // namespace mesorig::daemon
