@@ -106,14 +106,14 @@ Status ModbusBus::Enqueue(const std::shared_ptr<Job>& job) {
 
 Status ModbusBus::WriteCoilsAtOnce(int first, std::vector<uint8_t> values) {
   auto job = std::make_shared<Job>();
-  job->writes = true;
+  job->writes = job->at_once = true;
   job->work = [first, values = std::move(values)](modbus_t* context) {
     return WriteCoilsNow(context, first, values);
   };
   std::future<void> finished = job->finished.get_future();
   clock_.Change([&] {
     std::erase_if(jobs_, [](const auto& waiting) {
-      if (!waiting->writes) return false;
+      if (!waiting->writes || waiting->at_once) return false;
       waiting->result = Cancelled("overtaken by a switch-off");
       waiting->done = true;
       waiting->finished.set_value();

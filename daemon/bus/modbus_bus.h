@@ -50,6 +50,7 @@ class ModbusBus {
   struct Job {
     std::function<Status(_modbus*)> work;
     bool writes = false;
+    bool at_once = false;  // nothing overtakes it
     bool done = false;  // guarded by the clock's lock
     Status result;      // set before done
     std::promise<void> finished;

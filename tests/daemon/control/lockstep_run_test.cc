@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <condition_variable>
+#include <thread>
 
 #include "daemon/control/sequencer.h"
 #include "protocol/base/digest.h"
@@ -18,7 +19,7 @@ namespace {
 using std::chrono::milliseconds;
 using ::testing::HasSubstr;
 
-// Keeps pixels too.
+// Simulator, drivers and sequencer.
 class Bench {
  public:
   Bench() {
@@ -126,17 +127,23 @@ TEST(LockstepRun, DoorThatOpensMidMove) {
 
 TEST(LockstepRun, StopByHandInTheMiddle) {
   Bench bench;
+  std::thread hand;
   bench.sim.Exclusive([&](RigTime now) {
     bench.sim.hand.At(now + milliseconds(4000), [&](RigTime) {
-      // On the simulator's thread: another thread says it to the daemon.
-      std::thread([&] { (void)bench.sequencer->Stop("a hand said stop"); }).detach();
+      hand = std::thread(
+          [&] { EXPECT_EQ(bench.sequencer->Stop("a hand said stop"), OkStatus()); });
+      // Time stands still until the stop has been heard.
+      while (bench.sequencer->GetStatus().state == SequencerState::kRunning) {
+        std::this_thread::yield();
+      }
     });
   });
   const SequencerEvent end = bench.Run(SmallPlan(bench.rig));
-  if (!end.complete) {  // at whatever virtual instant it arrived
-    EXPECT_EQ(bench.session->Summary().reason, "a hand said stop");
-    EXPECT_EQ(end.status.state, SequencerState::kIdle);
-  }
+  hand.join();
+  EXPECT_FALSE(end.complete);
+  EXPECT_EQ(bench.session->Summary().reason, "a hand said stop");
+  EXPECT_EQ(end.status.state, SequencerState::kIdle);
+  EXPECT_NEAR(end.virtual_s, 4, 1) << "stopped where it was, less the way to rest";
   bench.ExpectAtRest();
 }
 

@@ -5,6 +5,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <thread>
+
 #include "tests/daemon/fakes/sim_rig.h"
 #include "tests/daemon/fakes/small_rig.h"
 
@@ -66,6 +69,21 @@ TEST_F(ModbusLampsTest, AllOffFromAnyThread) {
   std::thread other([&] { EXPECT_EQ(lamps_->AllOff(), OkStatus()); });
   other.join();
   EXPECT_THAT(Commanded(), ElementsAre(0, 0));
+}
+
+TEST_F(ModbusLampsTest, ManySwitchOffsAtATimeAllSucceed) {
+  for (int round = 0; round < 20; ++round) {
+    std::vector<std::thread> others;
+    for (int i = 0; i < 4; ++i) {
+      others.emplace_back([&] { EXPECT_EQ(lamps_->AllOff(), OkStatus()); });
+    }
+    // May be overtaken, and then says so; it never outlasts the last switch-off.
+    const Status on = lamps_->SwitchTo(0);
+    EXPECT_TRUE(on.ok() || absl::IsCancelled(on)) << on;
+    for (std::thread& other : others) other.join();
+    EXPECT_EQ(lamps_->AllOff(), OkStatus());
+    EXPECT_THAT(Commanded(), ElementsAre(0, 0));
+  }
 }
 
 TEST_F(ModbusLampsTest, DestructionSwitchesOff) {
