@@ -1,7 +1,7 @@
 // mesorig-render: draws a scene file to a PNG.
 
-#include <algorithm>
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -50,8 +50,8 @@ Timing DrawFrames(SceneRenderer& renderer, int frames) {
   timing.frames = static_cast<int>(times.size());
   std::sort(times.begin(), times.end());
   const size_t middle = times.size() / 2;
-  timing.ms_per_frame = times.size() % 2 == 1 ? times[middle]
-                                              : (times[middle - 1] + times[middle]) / 2;
+  timing.ms_per_frame =
+      times.size() % 2 == 1 ? times[middle] : (times[middle - 1] + times[middle]) / 2;
   return timing;
 }
 
@@ -111,15 +111,21 @@ Status Run(const Options& options) {
   const Timing timing = DrawFrames(renderer, options.frames);
   MESORIG_ASSIGN_OR_RETURN(const Picture picture, renderer.ReadPicture());
 
-  nlohmann::json figures = {
-      {"scene", options.scene.string()},      {"btf", scene.btf_file.string()},
-      {"codec", source.codec()},              {"out", options.out.string()},
-      {"width_px", picture.width},            {"height_px", picture.height},
-      {"msaa", scene.image.msaa},             {"supersample", scene.image.supersample},
-      {"renderer", context.renderer_name()},  {"gl_version", context.version()},
-      {"load_ms", load_ms},                   {"upload_ms", upload_ms},
-      {"first_frame_ms", timing.first_ms},    {"frames", timing.frames},
-      {"ms_per_frame", timing.ms_per_frame}};
+  nlohmann::json figures = {{"scene", options.scene.string()},
+                            {"btf", scene.btf_file.string()},
+                            {"codec", source.codec()},
+                            {"out", options.out.string()},
+                            {"width_px", picture.width},
+                            {"height_px", picture.height},
+                            {"msaa", scene.image.msaa},
+                            {"supersample", scene.image.supersample},
+                            {"renderer", context.renderer_name()},
+                            {"gl_version", context.version()},
+                            {"load_ms", load_ms},
+                            {"upload_ms", upload_ms},
+                            {"first_frame_ms", timing.first_ms},
+                            {"frames", timing.frames},
+                            {"ms_per_frame", timing.ms_per_frame}};
   if (options.check > 0) {
     MESORIG_ASSIGN_OR_RETURN(const auto fragments, renderer.Probe());
     const CpuCheck check = CompareWithCpu(scene, source, fragments, options.check);

@@ -8,8 +8,9 @@ StatusOr<BtfSource> BtfSource::Make(std::unique_ptr<btf::SampledBtf> sampled,
                                     std::unique_ptr<codecs::EncodedBtf> encoded) {
   const btf::BtfHeader& header = sampled ? sampled->header() : encoded->info().header;
   if (!header.cosine_included) {
-    return InvalidArgument("the BTF's values do not carry the cosine of the light (cosine flag 0); "
-                           "permitted is 1: import it again");
+    return InvalidArgument(
+        "the BTF's values do not carry the cosine of the light (cosine flag 0); "
+        "permitted is 1: import it again");
   }
   MESORIG_ASSIGN_OR_RETURN(auto views, btf::DirectionInterpolator::Build(header.views));
   MESORIG_ASSIGN_OR_RETURN(auto lights, btf::DirectionInterpolator::Build(header.lights));
@@ -66,8 +67,8 @@ std::vector<float> BtfSource::Image(int view, int light) const {
 std::array<float, 3> BtfSource::Evaluate(int x, int y, Vec3 v, Vec3 l) const {
   if (encoded_) return encoded_->Evaluate(x, y, v, l);
   const btf::DirectionWeights view = views_.Lookup(v), light = lights_.Lookup(l);
-  const size_t first = (static_cast<size_t>(y) * static_cast<size_t>(header().width) +
-                        static_cast<size_t>(x)) * 3;
+  const size_t first =
+      (static_cast<size_t>(y) * static_cast<size_t>(header().width) + static_cast<size_t>(x)) * 3;
   std::array<double, 3> sum{};
   double weights = 0;
   for (size_t i = 0; i < 3; ++i) {

@@ -56,11 +56,12 @@ StatusOr<codecs::ShaderForm> FormOf(const BtfSource& source, const GlLimits& lim
 }  // namespace
 
 StatusOr<LayeredTexture> MakeLayeredTexture(GLenum target, int width, int height, int layers,
-                                            const std::vector<float>& rgb,
-                                            const GlLimits& limits) {
+                                            const std::vector<float>& rgb, const GlLimits& limits) {
   if (std::max(width, height) > limits.texture_size) {
-    return InvalidArgument("the BTF has {} x {} texels; permitted by this OpenGL is at most {} a "
-                           "side", width, height, limits.texture_size);
+    return InvalidArgument(
+        "the BTF has {} x {} texels; permitted by this OpenGL is at most {} a "
+        "side",
+        width, height, limits.texture_size);
   }
   float largest = 0;
   for (float value : rgb) largest = std::max(largest, std::abs(value));

@@ -25,9 +25,10 @@ StatusOr<EGLDisplay> OpenDisplay() {
       !epoxy_has_egl_extension(EGL_NO_DISPLAY, "EGL_MESA_platform_surfaceless")) {
     return Unavailable("OpenGL: this EGL has no surfaceless platform {}", kRemedy);
   }
-  // (libepoxy aborts on eglGetPlatformDisplay: it wants EGL 1.5 of a display that is not there yet.)
-  EGLDisplay display = eglGetPlatformDisplayEXT(EGL_PLATFORM_SURFACELESS_MESA,
-                                                EGL_DEFAULT_DISPLAY, nullptr);
+  // (libepoxy aborts on eglGetPlatformDisplay: it wants EGL 1.5 of a display that is not there
+  // yet.)
+  EGLDisplay display =
+      eglGetPlatformDisplayEXT(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
   if (display == EGL_NO_DISPLAY || !eglInitialize(display, nullptr, nullptr)) {
     return Unavailable("OpenGL: EGL finds no driver (EGL error {:#x}) {}", eglGetError(), kRemedy);
   }

@@ -42,7 +42,8 @@ std::array<double, 3> CpuRadiance(const Scene& scene, const BtfSource& source,
     if (l.z <= 0) continue;
     const auto value = Bilinear(source, fragment.u, fragment.v, fragment.view, l);
     for (size_t c = 0; c < 3; ++c) {
-      radiance[c] += scene.image.exposure * Component(light.irradiance, c) * std::max(value[c], 0.0);
+      radiance[c] +=
+          scene.image.exposure * Component(light.irradiance, c) * std::max(value[c], 0.0);
     }
   }
   return radiance;
@@ -70,8 +71,8 @@ CpuCheck CompareWithCpu(const Scene& scene, const BtfSource& source,
       check.max_abs = std::max(check.max_abs, std::abs(error));
     }
   }
-  check.cpu_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
-                     .count();
+  check.cpu_ms =
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   if (reference > 0) check.rel_error = std::sqrt(difference / reference);
   return check;
 }

@@ -19,7 +19,8 @@ int StartTriangle(const btf::DirectionInterpolator& set, Vec3 d) {
     const auto& [a, b, c] = set.triangles()[t];
     const double volume = Dot(at(a), Cross(at(b), at(c)));
     const double weight = std::min({Dot(d, Cross(at(b), at(c))), Dot(d, Cross(at(c), at(a))),
-                                    Dot(d, Cross(at(a), at(b)))}) / volume;
+                                    Dot(d, Cross(at(a), at(b)))}) /
+                          volume;
     if (weight > best_weight) best_weight = weight, best = static_cast<int>(t);
   }
   return best;
@@ -65,7 +66,8 @@ void DirectionTables::Append(const btf::DirectionInterpolator& set) {
     rows.push_back(row(at(a), a));
     rows.push_back(row(at(b), b));
     rows.push_back(row({edge_row(next == begins.end() ? e : next->second),
-                        edge_row(previous == ends.end() ? e : previous->second), 0}, 0));
+                        edge_row(previous == ends.end() ? e : previous->second), 0},
+                       0));
   }
   for (int t = 0; t < static_cast<int>(set.triangles().size()); ++t) {
     const auto& [a, b, c] = set.triangles()[static_cast<size_t>(t)];
@@ -80,9 +82,9 @@ void DirectionTables::Append(const btf::DirectionInterpolator& set) {
   }
   for (int j = 0; j < kMapSize; ++j) {
     for (int i = 0; i < kMapSize; ++i) {
-      map.push_back(static_cast<float>(set.triangles().empty()
-                                           ? -1 - edge_row(0)
-                                           : triangle_row(StartTriangle(set, MapCellDirection(i, j)))));
+      map.push_back(static_cast<float>(
+          set.triangles().empty() ? -1 - edge_row(0)
+                                  : triangle_row(StartTriangle(set, MapCellDirection(i, j)))));
     }
   }
 }

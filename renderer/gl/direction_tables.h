@@ -15,8 +15,8 @@ namespace mesorig::renderer {
 
 // Records of several direction sets one after the other. Floats, so that one texel of a buffer
 // texture is one row (a software rasteriser gathers texels far faster than it reads storage
-// buffers: 7 times on a whole frame); whole numbers in them are exact. Measured directions are named by
-// their index in their own set, records by their row.
+// buffers: 7 times on a whole frame); whole numbers in them are exact. Measured directions are
+// named by their index in their own set, records by their row.
 struct DirectionTables {
   static constexpr int kMapSize = 64;  // cells along a side of a hemi-octahedral map
 

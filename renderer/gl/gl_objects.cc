@@ -6,8 +6,8 @@ namespace mesorig::renderer {
 namespace {
 
 StatusOr<GLuint> CompileStage(std::string_view name, const ShaderStage& stage) {
-  const std::string source = std::accumulate(stage.pieces.begin(), stage.pieces.end(),
-                                             std::string());
+  const std::string source =
+      std::accumulate(stage.pieces.begin(), stage.pieces.end(), std::string());
   const GLuint shader = glCreateShader(stage.type);
   const char* text = source.c_str();
   glShaderSource(shader, 1, &text, nullptr);

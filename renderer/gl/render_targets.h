@@ -13,7 +13,7 @@ namespace mesorig::renderer {
 class LinearTarget {
  public:
   static StatusOr<LinearTarget> Create(int width, int height, int samples);
-  void Bind() const;     // draw into it
+  void Bind() const;       // draw into it
   GLuint Resolve() const;  // the texture with one value a pixel
 
  private:
@@ -41,7 +41,7 @@ class PictureTarget {
 class ProbeTarget {
  public:
   static StatusOr<ProbeTarget> Create(int width, int height, int count);
-  void Bind() const;  // cleared to zero
+  void Bind() const;                         // cleared to zero
   std::vector<float> Read(int index) const;  // RGBA, rows from the top
 
  private:

@@ -116,9 +116,9 @@ StatusOr<GlProgram> SceneRenderer::State::BuildMaterial(Material material, bool 
   } else {
     fragment.push_back(kPlainFragmentGlsl);
   }
-  return BuildProgram(material == Material::kBtf ? "btf" : "plain",
-                      {{GL_VERTEX_SHADER, {kVersionGlsl, kMeshVertexGlsl}},
-                       {GL_FRAGMENT_SHADER, fragment}});
+  return BuildProgram(
+      material == Material::kBtf ? "btf" : "plain",
+      {{GL_VERTEX_SHADER, {kVersionGlsl, kMeshVertexGlsl}}, {GL_FRAGMENT_SHADER, fragment}});
 }
 
 void SceneRenderer::State::SetScene(GLuint program, bool probe) const {
@@ -176,9 +176,8 @@ Status SceneRenderer::State::LoadMaterials(const BtfSource& source, const GlLimi
   }
   if (scene.Uses(Material::kPlain)) {
     MESORIG_ASSIGN_OR_RETURN(const std::vector<float> texture, source.PlainTexture());
-    MESORIG_ASSIGN_OR_RETURN(
-        plain, MakeLayeredTexture(GL_TEXTURE_2D, source.header().width, source.header().height, 1,
-                                  texture, limits));
+    MESORIG_ASSIGN_OR_RETURN(plain, MakeLayeredTexture(GL_TEXTURE_2D, source.header().width,
+                                                       source.header().height, 1, texture, limits));
     MESORIG_ASSIGN_OR_RETURN(plain_program, BuildMaterial(Material::kPlain, false));
     SetScene(plain_program.name(), false);
   }
@@ -188,10 +187,9 @@ Status SceneRenderer::State::LoadMaterials(const BtfSource& source, const GlLimi
 Status SceneRenderer::State::LoadMeshes(const BtfSource& source) {
   const btf::BtfHeader& header = source.header();
   for (const Object& object : scene.objects) {
-    MESORIG_ASSIGN_OR_RETURN(
-        const TextureScale scale,
-        ScaleTexture(object, header.width * header.pitch_mm,
-                     static_cast<double>(header.height) / header.width));
+    MESORIG_ASSIGN_OR_RETURN(const TextureScale scale,
+                             ScaleTexture(object, header.width * header.pitch_mm,
+                                          static_cast<double>(header.height) / header.width));
     GlMesh mesh = Upload(MakeMesh(object));
     mesh.world_from_object = FromRigid(Placement(object));
     mesh.units_per_mm = scale;
@@ -209,9 +207,10 @@ Status SceneRenderer::State::MakeTargets(const GlLimits& limits) {
                            limits.samples);
   }
   if (std::max(width, height) > limits.texture_size) {
-    return InvalidArgument("the picture of {} x {} pixels at supersample {} needs a target of "
-                           "{} x {}; permitted by this OpenGL is at most {} a side", image.width,
-                           image.height, image.supersample, width, height, limits.texture_size);
+    return InvalidArgument(
+        "the picture of {} x {} pixels at supersample {} needs a target of "
+        "{} x {}; permitted by this OpenGL is at most {} a side",
+        image.width, image.height, image.supersample, width, height, limits.texture_size);
   }
   MESORIG_ASSIGN_OR_RETURN(linear, LinearTarget::Create(width, height, image.msaa));
   MESORIG_ASSIGN_OR_RETURN(picture, PictureTarget::Create(image.width, image.height));
@@ -286,11 +285,16 @@ StatusOr<std::vector<Fragment>> SceneRenderer::Probe() const {
   std::vector<Fragment> fragments;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      const size_t at = (static_cast<size_t>(y) * static_cast<size_t>(width) +
-                         static_cast<size_t>(x)) * 4;
+      const size_t at =
+          (static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)) * 4;
       if (uv_object[at + 2] <= 0) continue;
-      fragments.push_back({x, y, static_cast<int>(uv_object[at + 2]) - 1, uv_object[at],
-                           uv_object[at + 1], vector(view, at), vector(normal, at),
+      fragments.push_back({x,
+                           y,
+                           static_cast<int>(uv_object[at + 2]) - 1,
+                           uv_object[at],
+                           uv_object[at + 1],
+                           vector(view, at),
+                           vector(normal, at),
                            vector(tangent, at),
                            {radiance[at], radiance[at + 1], radiance[at + 2]}});
     }

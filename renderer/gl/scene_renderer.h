@@ -15,11 +15,11 @@ namespace mesorig::renderer {
 
 // What the shader did at one pixel of the picture, read back as floats.
 struct Fragment {
-  int x = 0, y = 0;         // pixel, from the top left
-  int object = 0;           // in Scene::objects
-  double u = 0, v = 0;      // repeats of the sample from its top left corner, v downwards
-  Vec3 view;                // in the sample frame
-  Vec3 normal, tangent;     // world: +z and +x of the sample frame
+  int x = 0, y = 0;                 // pixel, from the top left
+  int object = 0;                   // in Scene::objects
+  double u = 0, v = 0;              // repeats of the sample from its top left corner, v downwards
+  Vec3 view;                        // in the sample frame
+  Vec3 normal, tangent;             // world: +z and +x of the sample frame
   std::array<float, 3> radiance{};  // exposure included
 };
 
@@ -36,7 +36,8 @@ class SceneRenderer {
   void Draw();
   // The frame that was drawn last.
   StatusOr<Picture> ReadPicture() const;
-  // The fragments of all objects, drawn once more: one sample at each pixel's centre, no mip levels.
+  // The fragments of all objects, drawn once more: one sample at each pixel's centre, no mip
+  // levels.
   StatusOr<std::vector<Fragment>> Probe() const;
 
  private:

@@ -131,16 +131,17 @@ Mesh MakeMesh(const Object& object) {
 
 RigidTransform Placement(const Object& object) {
   const Vec3 r = object.rotation_rad;
-  return {RotationAbout({0, 0, 1}, r.z) * (RotationAbout({0, 1, 0}, r.y) *
-                                           RotationAbout({1, 0, 0}, r.x)),
+  return {RotationAbout({0, 0, 1}, r.z) *
+              (RotationAbout({0, 1, 0}, r.y) * RotationAbout({1, 0, 0}, r.x)),
           object.position_mm};
 }
 
 StatusOr<TextureScale> ScaleTexture(const Object& object, double width_mm, double aspect) {
   const double unit_mm = object.mm_per_unit > 0 ? object.mm_per_unit : width_mm;
   if (!(unit_mm > 0)) {
-    return InvalidArgument("the BTF does not know its texel pitch (0 mm): give mm_per_unit in "
-                           "[[object]], millimetres of the surface a repeat of the sample covers");
+    return InvalidArgument(
+        "the BTF does not know its texel pitch (0 mm): give mm_per_unit in "
+        "[[object]], millimetres of the surface a repeat of the sample covers");
   }
   TextureScale scale{1 / unit_mm, 1 / (unit_mm * aspect)};
   if (object.shape == Shape::kTorus && object.whole_repeats) {

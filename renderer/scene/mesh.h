@@ -13,8 +13,8 @@ namespace mesorig::renderer {
 // sample frame's (x, y, z): the tangent points where the sample's +x points on the surface.
 struct Vertex {
   float position[3];
-  float normal[3];   // unit, outwards
-  float tangent[3];  // unit, perpendicular to the normal
+  float normal[3];      // unit, outwards
+  float tangent[3];     // unit, perpendicular to the normal
   float texture_mm[2];  // along the sample's +x and +y; (0, 0) is the sample's centre
 };
 

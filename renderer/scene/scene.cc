@@ -59,7 +59,8 @@ void ReadSlab(TomlTable& t, Object& object) {
   const double smallest = std::min({object.size_mm.x, object.size_mm.y, object.size_mm.z});
   if (2 * object.rounding_mm > smallest) {
     t.Error("rounding_mm", fmt::format("is {} mm; permitted is at most half of the smallest size, "
-                                       "{} mm", object.rounding_mm, smallest / 2));
+                                       "{} mm",
+                                       object.rounding_mm, smallest / 2));
   }
 }
 
@@ -97,8 +98,8 @@ StatusOr<Scene> ReadScene(TomlFile file, const std::filesystem::path& folder) {
   }
   for (TomlTable object : root.Tables("object")) scene.objects.push_back(ReadObject(object));
   if (scene.objects.empty() || scene.objects.size() > 64) {
-    root.Error("object", fmt::format("has {} [[object]] tables; permitted is 1 to 64",
-                                     scene.objects.size()));
+    root.Error("object",
+               fmt::format("has {} [[object]] tables; permitted is 1 to 64", scene.objects.size()));
   }
   MESORIG_RETURN_IF_ERROR(file.Finish());
   return scene;

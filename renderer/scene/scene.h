@@ -19,8 +19,8 @@ struct ImageSettings {
   int width = 960, height = 540;  // pixels of the picture
   int msaa = 4;                   // samples a pixel along silhouettes: 1 or 4
   int supersample = 1;            // shaded samples a pixel and axis, averaged: 1..4
-  double exposure = 1;            // picture = sRGB(exposure * radiance); 1 shows radiance 1 as white
-  Vec3 background_top{0.30, 0.32, 0.35};     // linear RGB of the finished picture
+  double exposure = 1;  // picture = sRGB(exposure * radiance); 1 shows radiance 1 as white
+  Vec3 background_top{0.30, 0.32, 0.35};  // linear RGB of the finished picture
   Vec3 background_bottom{0.06, 0.06, 0.07};
 };
 
@@ -31,8 +31,8 @@ struct Camera {
 };
 
 struct DirectionalLight {
-  Vec3 direction;                       // unit vector towards the light
-  Vec3 irradiance{kPi, kPi, kPi};       // of a plane perpendicular to it, W m^-2, linear RGB
+  Vec3 direction;                  // unit vector towards the light
+  Vec3 irradiance{kPi, kPi, kPi};  // of a plane perpendicular to it, W m^-2, linear RGB
 };
 
 enum class Shape { kTorus, kSlab };
@@ -44,7 +44,7 @@ struct Object {
   Shape shape = Shape::kSlab;
   Material material = Material::kBtf;
   Vec3 position_mm;
-  Vec3 rotation_rad;            // about x, then y, then z of the world
+  Vec3 rotation_rad;  // about x, then y, then z of the world
   // Torus: lies in the xy plane, axis z.
   double major_radius_mm = 0, minor_radius_mm = 0;
   // Slab: a box; its top faces +z. Rounding 0: sharp edges.

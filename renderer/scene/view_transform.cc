@@ -25,21 +25,29 @@ Matrix4 CameraFromWorld(const Camera& camera) {
   const Vec3 right = Normalized(Cross(camera.up, back));
   const Vec3 up = Cross(back, right);
   const Vec3 eye = camera.eye_mm;
-  return {right.x, up.x, back.x, 0, right.y, up.y, back.y, 0, right.z, up.z, back.z, 0,
+  // clang-format off
+  return {right.x, up.x, back.x, 0,
+          right.y, up.y, back.y, 0,
+          right.z, up.z, back.z, 0,
           -Dot(right, eye), -Dot(up, eye), -Dot(back, eye), 1};
+  // clang-format on
 }
 
 Matrix4 Projection(const Camera& camera, double aspect) {
   const double distance = Norm(camera.eye_mm - camera.target_mm);
   const double near = distance / 100, far = distance * 20;
   const double f = 1 / std::tan(camera.fov_rad / 2);
-  return {f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) / (near - far), -1,
+  // clang-format off
+  return {f / aspect, 0, 0, 0,
+          0, f, 0, 0,
+          0, 0, (far + near) / (near - far), -1,
           0, 0, 2 * far * near / (near - far), 0};
+  // clang-format on
 }
 
 std::array<double, 2> PixelOf(const Camera& camera, int width, int height, Vec3 p_in_world) {
-  const Matrix4 m = Product(Projection(camera, static_cast<double>(width) / height),
-                            CameraFromWorld(camera));
+  const Matrix4 m =
+      Product(Projection(camera, static_cast<double>(width) / height), CameraFromWorld(camera));
   const auto row = [&](size_t r) {
     return m[r] * p_in_world.x + m[4 + r] * p_in_world.y + m[8 + r] * p_in_world.z + m[12 + r];
   };

@@ -24,8 +24,8 @@ struct Outcome {
 
 Outcome RunRender(const std::string& arguments, const std::string& environment = "") {
   Outcome outcome;
-  FILE* pipe = popen((environment + " " MESORIG_BIN_DIR "/mesorig-render " + arguments + " 2>&1").c_str(),
-                     "r");
+  FILE* pipe = popen(
+      (environment + " " MESORIG_BIN_DIR "/mesorig-render " + arguments + " 2>&1").c_str(), "r");
   char buffer[4096];
   while (size_t n = fread(buffer, 1, sizeof buffer, pipe)) outcome.output.append(buffer, n);
   const int status = pclose(pipe);
@@ -36,8 +36,8 @@ Outcome RunRender(const std::string& arguments, const std::string& environment =
 class RenderMainTest : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::path(testing::TempDir()) /
-              fmt::format("render_main_test_{}", ::getpid());
+    folder_ =
+        std::filesystem::path(testing::TempDir()) / fmt::format("render_main_test_{}", ::getpid());
     std::filesystem::create_directories(folder_);
     ASSERT_TRUE(WriteFileAtomically(Path("scene.toml"), R"(btf = "bumpy.btf.exr"
 [image]
@@ -51,7 +51,8 @@ direction = [1, 0, 1]
 shape = "torus"
 major_radius_mm = 50
 minor_radius_mm = 20
-)").ok());
+)")
+                    .ok());
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
   std::string Path(const std::string& name) const { return (folder_ / name).string(); }
@@ -62,8 +63,9 @@ minor_radius_mm = 20
     return false;
   }
   void WriteBtf() const {
-    ASSERT_TRUE(btf::WriteSampledBtf(MakeBumpyBtf(8, Rings(1, 0.5), Rings(1, 0.5)),
-                                     Path("bumpy.btf.exr")).ok());
+    ASSERT_TRUE(
+        btf::WriteSampledBtf(MakeBumpyBtf(8, Rings(1, 0.5), Rings(1, 0.5)), Path("bumpy.btf.exr"))
+            .ok());
   }
   std::filesystem::path folder_;
 };
@@ -87,7 +89,8 @@ TEST_F(RenderMainTest, DrawsAndReports) {
 
 TEST_F(RenderMainTest, BadInputIsExit2OneLineAndNoPicture) {
   ASSERT_TRUE(WriteFileAtomically(Path("garbage.btf.exr"), "not an EXR at all").ok());
-  ASSERT_TRUE(WriteFileAtomically(Path("bad.toml"), *ReadFile(Path("scene.toml")) + "lamp = 3\n").ok());
+  ASSERT_TRUE(
+      WriteFileAtomically(Path("bad.toml"), *ReadFile(Path("scene.toml")) + "lamp = 3\n").ok());
   const std::string out = " --out " + Path("out.png");
   const struct {
     std::string arguments, what;

@@ -83,8 +83,8 @@ std::vector<Vec3> Scattered(int count) {
   std::uniform_real_distribution<double> uniform;
   std::vector<Vec3> directions;
   for (int i = 0; i < count; ++i) {
-    directions.push_back(DirectionFromAngles(std::acos(0.2 + 0.8 * uniform(random)),
-                                             2 * kPi * uniform(random)));
+    directions.push_back(
+        DirectionFromAngles(std::acos(0.2 + 0.8 * uniform(random)), 2 * kPi * uniform(random)));
   }
   return directions;
 }
@@ -117,12 +117,16 @@ TEST_F(DirectionsTest, ShaderAgreesWithTheInterpolator) {
       {"dense rings", Rings(RadFromDeg(85), RadFromDeg(4))},
       {"scattered", Scattered(60)},
       {"triangle", {DirectionFromAngles(0.3, 0), DirectionFromAngles(0.6, 2), {0, 0, 1}}},
-      {"one side only", {DirectionFromAngles(0.9, 1), DirectionFromAngles(1.1, 1.5),
-                         DirectionFromAngles(1.2, 0.6), DirectionFromAngles(0.7, 0.8)}},
+      {"one side only",
+       {DirectionFromAngles(0.9, 1), DirectionFromAngles(1.1, 1.5), DirectionFromAngles(1.2, 0.6),
+        DirectionFromAngles(0.7, 0.8)}},
       {"one", {DirectionFromAngles(0.4, 1)}},
       {"two", {DirectionFromAngles(0.4, 1), DirectionFromAngles(0.9, 3)}},
-      {"arc", {DirectionFromAngles(0.8, 1), DirectionFromAngles(0.2, 1), {0, 0, 1},
-               DirectionFromAngles(0.7, 1 + kPi)}},
+      {"arc",
+       {DirectionFromAngles(0.8, 1),
+        DirectionFromAngles(0.2, 1),
+        {0, 0, 1},
+        DirectionFromAngles(0.7, 1 + kPi)}},
   };
   std::mt19937 random(5);
   std::normal_distribution<double> normal;

@@ -66,9 +66,9 @@ TEST_F(SceneRendererTest, TheTangentFrameCarriesTheSampleFrame) {
   const auto value = [](Vec3 v, Vec3 l) {
     return l.z * (1 + 0.5 * l.x - 0.3 * l.y) * (1 + 0.4 * v.x + 0.2 * v.y);
   };
-  const BtfSource source = Source(MakeBtf(
-      2, 2, 20, Rings(RadFromDeg(85), RadFromDeg(32)), Rings(RadFromDeg(85), RadFromDeg(16)),
-      [&](int, int, Vec3 v, Vec3 l) { return value(v, l); }));
+  const BtfSource source = Source(MakeBtf(2, 2, 20, Rings(RadFromDeg(85), RadFromDeg(32)),
+                                          Rings(RadFromDeg(85), RadFromDeg(16)),
+                                          [&](int, int, Vec3 v, Vec3 l) { return value(v, l); }));
   for (const Vec3& light : kLights) {
     Scene scene = TorusScene(light);
     scene.objects[0].position_mm = {3, 2, -4};
@@ -170,10 +170,9 @@ TEST_F(SceneRendererTest, BelowTheHorizonIsBlackAndBeyondTheConeIsScaled) {
 }
 
 TEST_F(SceneRendererTest, PlainIsLambertOfTheFrontalView) {
-  const BtfSource source =
-      Source(MakeBtf(4, 4, 20, {DirectionFromAngles(0.7, 1), DirectionFromAngles(0.1, 2)},
-                     Rings(1.2, 0.3),
-                     [](int, int, Vec3 v, Vec3 l) { return (v.z > 0.9 ? 0.2 : 9.0) * l.z; }));
+  const BtfSource source = Source(
+      MakeBtf(4, 4, 20, {DirectionFromAngles(0.7, 1), DirectionFromAngles(0.1, 2)}, Rings(1.2, 0.3),
+              [](int, int, Vec3 v, Vec3 l) { return (v.z > 0.9 ? 0.2 : 9.0) * l.z; }));
   Scene scene = TorusScene({-1, 1, 1});
   scene.objects[0].material = Material::kPlain;
   for (const Fragment& f : Probe(scene, source)) {
@@ -187,9 +186,8 @@ TEST_F(SceneRendererTest, TooManyImagesAreRefusedWithTheLimit) {
   for (int i = 0; i < 130; ++i) lights.push_back(DirectionFromAngles(0.01 * i, 0.7 * i));
   const int views = context_->limits().array_layers / 130 + 1;
   std::vector<Vec3> many(lights.begin(), lights.begin() + views);
-  const BtfSource source = Source(MakeBtf(1, 1, 1, many, lights, [](int, int, Vec3, Vec3) {
-    return 0.1;
-  }));
+  const BtfSource source =
+      Source(MakeBtf(1, 1, 1, many, lights, [](int, int, Vec3, Vec3) { return 0.1; }));
   const auto renderer = SceneRenderer::Create(TorusScene({0, 0, 1}), source, *context_);
   ASSERT_FALSE(renderer.ok());
   EXPECT_EQ(renderer.status().code(), absl::StatusCode::kInvalidArgument);
@@ -199,8 +197,8 @@ TEST_F(SceneRendererTest, TooManyImagesAreRefusedWithTheLimit) {
 }
 
 TEST_F(SceneRendererTest, PicturesRepeatAndAreAntialiased) {
-  const BtfSource source = Source(
-      MakeBumpyBtf(16, Rings(RadFromDeg(60), RadFromDeg(30)), Rings(RadFromDeg(60), RadFromDeg(30))));
+  const BtfSource source = Source(MakeBumpyBtf(16, Rings(RadFromDeg(60), RadFromDeg(30)),
+                                               Rings(RadFromDeg(60), RadFromDeg(30))));
   Scene scene = TorusScene({1, -1, 1});
   scene.image.background_top = scene.image.background_bottom = {1, 0, 0};
   const auto draw = [&](int msaa, int supersample) {

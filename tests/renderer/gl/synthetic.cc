@@ -34,8 +34,8 @@ btf::SampledBtf MakeBtf(int width, int height, double pitch_mm, const std::vecto
       size_t at = 0;
       for (int y = 0; y < height; ++y) {
         for (int x = 0; x < width; ++x) {
-          const double rgb = value(x, y, views[static_cast<size_t>(v)],
-                                   lights[static_cast<size_t>(l)]);
+          const double rgb =
+              value(x, y, views[static_cast<size_t>(v)], lights[static_cast<size_t>(l)]);
           for (double tint : {1.0, 0.8, 0.6}) image[at++] = static_cast<float>(tint * rgb);
         }
       }

@@ -101,9 +101,15 @@ TEST(SceneTest, GarbageIsRefusedAndNeverCrashes) {
     for (int k = static_cast<int>(random() % 4); k >= 0; --k) {
       const size_t at = random() % text.size();
       switch (random() % 3) {
-        case 0: text[at] = static_cast<char>(random() % 256); break;
-        case 1: text.erase(at, random() % 9); break;
-        default: text.insert(at, 1, "[]={}\"\n.-9e"[random() % 11]); break;
+        case 0:
+          text[at] = static_cast<char>(random() % 256);
+          break;
+        case 1:
+          text.erase(at, random() % 9);
+          break;
+        default:
+          text.insert(at, 1, "[]={}\"\n.-9e"[random() % 11]);
+          break;
       }
       if (text.empty()) text = "x";
     }
