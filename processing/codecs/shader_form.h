@@ -4,9 +4,10 @@
 // table of floats, and the decoder in GLSL 4.50, a codec's `decode.glsl`.
 //
 // The decoder defines
-//   vec3 DecodeBtf(vec2 uv, float level, ivec3 v, vec3 v_weight, ivec3 l, vec3 l_weight)
-// linear RGB, sr^-1, at three measured views and three measured lights with weights that sum to one
-// each (btf::DirectionWeights), from what the renderer declares before it:
+//   vec3 DecodeBtf(vec2 uv, float level, ivec3 v, ivec3 l, mat3 pairs)
+// linear RGB, sr^-1, at three measured views and three measured lights, where pairs[j][i] is the
+// weight of the pair (v[i], l[j]). Weights sum to one and are zero for pairs that are absent, as
+// btf::PairInterpolator gives them. The decoder reads what the renderer declares before it:
 //   uniform sampler2DArray btf_layers;  sample with textureLod(btf_layers, vec3(uv, layer), level)
 //   uniform samplerBuffer btf_table;    texelFetch(btf_table, i).r
 //   uniform int btf_columns;            ShaderForm::columns

@@ -12,9 +12,17 @@ StatusOr<BtfSource> BtfSource::Make(std::unique_ptr<btf::SampledBtf> sampled,
         "the BTF's values do not carry the cosine of the light (cosine flag 0); "
         "permitted is 1: import it again");
   }
-  MESORIG_ASSIGN_OR_RETURN(auto views, btf::DirectionInterpolator::Build(header.views));
-  MESORIG_ASSIGN_OR_RETURN(auto lights, btf::DirectionInterpolator::Build(header.lights));
-  return BtfSource(std::move(sampled), std::move(encoded), std::move(views), std::move(lights));
+  std::vector<uint8_t> present;
+  if (encoded) {
+    present = encoded->info().present;
+  } else {
+    for (int v = 0; v < header.view_count(); ++v) {
+      for (int l = 0; l < header.light_count(); ++l) present.push_back(sampled->Present(v, l));
+    }
+  }
+  MESORIG_ASSIGN_OR_RETURN(auto interpolator,
+                           btf::PairInterpolator::Build(header, std::move(present)));
+  return BtfSource(std::move(sampled), std::move(encoded), std::move(interpolator));
 }
 
 StatusOr<BtfSource> BtfSource::FromSampled(btf::SampledBtf sampled) {
@@ -66,24 +74,16 @@ std::vector<float> BtfSource::Image(int view, int light) const {
 
 std::array<float, 3> BtfSource::Evaluate(int x, int y, Vec3 v, Vec3 l) const {
   if (encoded_) return encoded_->Evaluate(x, y, v, l);
-  const btf::DirectionWeights view = views_.Lookup(v), light = lights_.Lookup(l);
+  const btf::PairWeights pairs = interpolator_.Lookup(v, l);
   const size_t first =
       (static_cast<size_t>(y) * static_cast<size_t>(header().width) + static_cast<size_t>(x)) * 3;
   std::array<double, 3> sum{};
-  double weights = 0;
-  for (size_t i = 0; i < 3; ++i) {
-    for (size_t j = 0; j < 3; ++j) {
-      const double weight = view.weight[i] * light.weight[j];
-      if (weight <= 0 || !sampled_->Present(view.index[i], light.index[j])) continue;
-      const auto image = sampled_->Image(view.index[i], light.index[j]);
-      for (size_t c = 0; c < 3; ++c) sum[c] += weight * image[first + c];
-      weights += weight;
-    }
+  for (size_t n = 0; n < static_cast<size_t>(pairs.count); ++n) {
+    const auto image = sampled_->Image(pairs.view[n], pairs.light[n]);
+    for (size_t c = 0; c < 3; ++c) sum[c] += double{pairs.weight[n]} * image[first + c];
   }
   std::array<float, 3> value{};
-  if (weights <= 0) return value;
-  const double scale = btf::HorizonScale(lights_, light, l) / weights;
-  for (size_t c = 0; c < 3; ++c) value[c] = static_cast<float>(sum[c] * scale);
+  for (size_t c = 0; c < 3; ++c) value[c] = static_cast<float>(sum[c] * pairs.scale);
   return value;
 }
 

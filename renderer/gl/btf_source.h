@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
+#include "processing/btf/pair_weights.h"
 #include "processing/btf/sampled_btf.h"
-#include "processing/btf/spherical_interpolation.h"
 #include "processing/codecs/codec.h"
 
 namespace mesorig::renderer {
@@ -24,12 +24,12 @@ class BtfSource {
   std::string_view codec() const;  // "raw" or the codec's name
   bool Present(int view, int light) const;
   const codecs::EncodedBtf* encoded() const { return encoded_.get(); }  // null: uncompressed
-  const btf::DirectionInterpolator& views() const { return views_; }
-  const btf::DirectionInterpolator& lights() const { return lights_; }
+  const btf::PairInterpolator& interpolator() const { return interpolator_; }
 
   // The image of measured view and light, W*H*3 as SampledBtf::Image.
   std::vector<float> Image(int view, int light) const;
-  // One texel at arbitrary directions; pairs that are absent are left out.
+  // One texel at arbitrary directions: btf::PairInterpolator between the samples of an uncompressed
+  // BTF, the codec's own Evaluate otherwise.
   std::array<float, 3> Evaluate(int x, int y, Vec3 v, Vec3 l) const;
   // The Lambert reflectance (rho / pi, sr^-1) that fits the most frontal view best over its lights:
   // sum(value * cos) / sum(cos^2) a texel; W*H*3. FailedPrecondition when nothing is present.
@@ -37,16 +37,15 @@ class BtfSource {
 
  private:
   BtfSource(std::unique_ptr<btf::SampledBtf> sampled, std::unique_ptr<codecs::EncodedBtf> encoded,
-            btf::DirectionInterpolator views, btf::DirectionInterpolator lights)
+            btf::PairInterpolator interpolator)
       : sampled_(std::move(sampled)),
         encoded_(std::move(encoded)),
-        views_(std::move(views)),
-        lights_(std::move(lights)) {}
+        interpolator_(std::move(interpolator)) {}
   static StatusOr<BtfSource> Make(std::unique_ptr<btf::SampledBtf> sampled,
                                   std::unique_ptr<codecs::EncodedBtf> encoded);
   std::unique_ptr<btf::SampledBtf> sampled_;  // one of the two is null
   std::unique_ptr<codecs::EncodedBtf> encoded_;
-  btf::DirectionInterpolator views_, lights_;
+  btf::PairInterpolator interpolator_;
 };
 
 }  // namespace mesorig::renderer

@@ -33,7 +33,6 @@ StatusOr<codecs::ShaderForm> ImagesAsLayers(const BtfSource& source, const GlLim
   for (int v = 0; v < header.view_count(); ++v) {
     for (int l = 0; l < header.light_count(); ++l) {
       const bool present = source.Present(v, l);
-      form.table.push_back(present ? 1.0f : 0.0f);
       if (present) {
         const std::vector<float> image = source.Image(v, l);
         form.rgb.insert(form.rgb.end(), image.begin(), image.end());
@@ -51,6 +50,36 @@ StatusOr<codecs::ShaderForm> FormOf(const BtfSource& source, const GlLimits& lim
   if (!form) return ImagesAsLayers(source, limits);
   MESORIG_RETURN_IF_ERROR(CheckLayers(source, static_cast<size_t>(form->layers), limits));
   return *std::move(form);
+}
+
+// For every pair view * lights + light: -1 where it is present, else the nearest pair that is
+// (btf::PairInterpolator, where everything around is absent). Empty where none is absent.
+std::vector<float> Substitutes(const BtfSource& source) {
+  const btf::BtfHeader& header = source.header();
+  std::vector<float> substitutes;
+  bool all = true;
+  for (int v = 0; v < header.view_count(); ++v) {
+    for (int l = 0; l < header.light_count(); ++l) {
+      if (source.Present(v, l)) {
+        substitutes.push_back(-1);
+        continue;
+      }
+      all = false;
+      const btf::PairWeights nearest = source.interpolator().Lookup(
+          header.views[static_cast<size_t>(v)], header.lights[static_cast<size_t>(l)]);
+      substitutes.push_back(
+          static_cast<float>(nearest.view[0] * header.light_count() + nearest.light[0]));
+    }
+  }
+  return all ? std::vector<float>() : substitutes;
+}
+
+std::vector<std::array<float, 4>> LightDirections(const BtfSource& source) {
+  std::vector<std::array<float, 4>> rows;
+  for (const Vec3 l : source.interpolator().lights().directions()) {
+    rows.push_back({static_cast<float>(l.x), static_cast<float>(l.y), static_cast<float>(l.z), 0});
+  }
+  return rows;
 }
 
 }  // namespace
@@ -102,10 +131,18 @@ StatusOr<BtfTexture> BtfTexture::Create(const BtfSource& source, const GlLimits&
                                               form.layers, form.rgb, limits));
   result.bytes_ = header.texel_count() * static_cast<size_t>(form.layers) * 8;
   result.columns_ = form.columns;
-  result.decode_glsl_ = kDecodeInputsGlsl + form.glsl;
+  const std::vector<float> substitutes = Substitutes(source);
+  if (substitutes.empty()) {
+    result.glsl_.push_back("#define MESORIG_ALL_PRESENT\n");
+  } else {
+    result.substitutes_ = MakeBufferTexture(GL_R32F, substitutes);
+    result.light_directions_ = MakeBufferTexture(GL_RGBA32F, LightDirections(source));
+  }
+  result.glsl_.insert(result.glsl_.end(),
+                      {kDirectionsGlsl, kPairsGlsl, kDecodeInputsGlsl, std::move(form.glsl)});
   DirectionTables tables;
-  tables.Append(source.views());
-  tables.Append(source.lights());
+  tables.Append(source.interpolator().views());
+  tables.Append(source.interpolator().lights());
   result.table_ = MakeBufferTexture(GL_R32F, form.table);
   result.direction_rows_ = MakeBufferTexture(GL_RGBA32F, tables.rows);
   result.direction_map_ = MakeBufferTexture(GL_R32F, tables.map);
@@ -118,6 +155,8 @@ void BtfTexture::Bind(GLuint program) const {
   glBindTextureUnit(2, direction_rows_.texture.name());
   glBindTextureUnit(3, direction_map_.texture.name());
   glBindTextureUnit(4, table_.texture.name());
+  glBindTextureUnit(5, light_directions_.texture.name());
+  glBindTextureUnit(6, substitutes_.texture.name());
   glProgramUniform1i(program, 16, DirectionTables::kMapSize * DirectionTables::kMapSize);
   glProgramUniform1i(program, 17, columns_);
   glProgramUniform1f(program, 18, layers_.scale);

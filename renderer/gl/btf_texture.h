@@ -25,18 +25,18 @@ class BtfTexture {
   // InvalidArgument when the BTF does not fit an array texture of this driver; Unavailable when
   // there is no memory for it.
   static StatusOr<BtfTexture> Create(const BtfSource& source, const GlLimits& limits);
-  // Defines btf_layers (unit 0) and vec3 DecodeBtf(vec2 uv, float level, ivec3 v, vec3 v_weight,
-  // ivec3 l, vec3 l_weight).
-  const std::string& decode_glsl() const { return decode_glsl_; }
-  // Binds texture units 0 and 2 to 4, and sets the decoder's uniforms of `program`.
+  // Interpolate, HorizonScale, PairsAround and DecodeBtf (shaders/, codecs/shader_form.h).
+  const std::vector<std::string>& glsl() const { return glsl_; }
+  // Binds texture units 0 and 2 to 6, and sets the decoder's uniforms of `program`.
   void Bind(GLuint program) const;
   size_t bytes() const { return bytes_; }  // of the finest level
 
  private:
   LayeredTexture layers_;
   BufferTexture table_, direction_rows_, direction_map_;
-  int columns_ = 0;  // stride of the table
-  std::string decode_glsl_;
+  BufferTexture light_directions_, substitutes_;  // empty where every pair is present
+  int columns_ = 0;                               // stride of the table
+  std::vector<std::string> glsl_;
   size_t bytes_ = 0;
 };
 

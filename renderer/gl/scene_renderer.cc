@@ -112,7 +112,8 @@ StatusOr<GlProgram> SceneRenderer::State::BuildMaterial(Material material, bool 
   const char* probe_glsl = probe ? kProbeGlsl : "";
   std::vector<std::string> fragment = {kVersionGlsl, probe_glsl, kSurfaceGlsl};
   if (material == Material::kBtf) {
-    fragment.insert(fragment.end(), {kDirectionsGlsl, btf->decode_glsl(), kBtfFragmentGlsl});
+    fragment.insert(fragment.end(), btf->glsl().begin(), btf->glsl().end());
+    fragment.push_back(kBtfFragmentGlsl);
   } else {
     fragment.push_back(kPlainFragmentGlsl);
   }

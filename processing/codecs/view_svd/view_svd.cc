@@ -79,13 +79,7 @@ std::optional<ShaderForm> ViewSvdBtf::ToShader() const {
   form.rgb = eigen_textures_;
   form.table = weights_;
   form.columns = terms_;
-  const bool all = std::all_of(info_.present.begin(), info_.present.end(),
-                               [](uint8_t flag) { return flag != 0; });
-  if (!all) form.table.insert(form.table.end(), info_.present.begin(), info_.present.end());
-  form.glsl = fmt::format(
-      "const int kViewSvdViews = {};\nconst int kViewSvdLights = {};\n"
-      "const bool kViewSvdAllPresent = {};\n{}",
-      info_.header.view_count(), info_.header.light_count(), all, kDecode);
+  form.glsl = kDecode;
   return form;
 }
 

@@ -12,8 +12,9 @@ void main() {
     vec3 light = sample_from_world * light_direction[i];
     if (light.z <= 0.0) continue;
     Interpolation l = Interpolate(light_map_first, light);
-    vec3 value = DecodeBtf(surface.uv, level, v.index, v.weight, l.index, l.weight);
-    radiance += irradiance[i] * max(value, 0.0) * HorizonScale(l.direction, light);
+    Pairs pairs = PairsAround(v, l);
+    vec3 value = DecodeBtf(surface.uv, level, pairs.view, pairs.light, pairs.weight);
+    radiance += irradiance[i] * max(value, 0.0) * HorizonScale(pairs.direction, light);
   }
   Finish(radiance, sample_from_world, view);
 }
