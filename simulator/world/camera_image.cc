@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "simulator/world/parallel.h"
+#include "simulator/world/strata.h"
 
 namespace mesorig::world {
 namespace {
@@ -122,7 +123,8 @@ CameraImages::View CameraImages::Trace(int camera, const RigidTransform& sample_
   ParallelFor(c.height, options_.threads, [&](int j) {
     for (int i = 0; i < c.width; ++i) {
       for (int s = 0; s < n * n; ++s) {
-        const ImagePoint at{i + (s % n + 0.5) / n, j + (s / n + 0.5) / n};
+        const auto [du, dv] = StratumPoint(s, n);
+        const ImagePoint at{i + du, j + dv};
         const Vec3 direction = sample_from_camera.rotation * RayDirection(c, at);
         const auto hit = world_.FirstHit(sample_from_camera.translation, direction);
         if (!hit) continue;

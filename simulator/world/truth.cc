@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "simulator/world/parallel.h"
+#include "simulator/world/strata.h"
 #include "simulator/world/transport.h"
 
 namespace mesorig::world {
@@ -64,8 +65,9 @@ class TruthComputation {
   void TraceTexel(int v, int i, int j, HitRow& hits) const {
     const Vec3 centre = header_.TexelCentre(i, j);
     for (int s = 0; s < strata_ * strata_; ++s) {
-      const double du = (s % strata_ + 0.5) / strata_ - 0.5, dv = (s / strata_ + 0.5) / strata_ - 0.5;
-      const Vec3 p = centre + Vec3{du * header_.pitch_mm, dv * header_.pitch_mm, 0};
+      const auto [du, dv] = StratumPoint(s, strata_);
+      const Vec3 p =
+          centre + Vec3{(du - 0.5) * header_.pitch_mm, (dv - 0.5) * header_.pitch_mm, 0};
       const Vec3 view = header_.ViewAt(v, p);
       const auto hit = world_.FirstHit(p, -view);
       if (hit) hits.Add(*hit, view, static_cast<unsigned>(i), -1);

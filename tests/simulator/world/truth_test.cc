@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "simulator/world/sample.h"
+#include "simulator/world/strata.h"
 #include "tests/simulator/world/test_surfaces.h"
 
 namespace mesorig::world {
@@ -95,6 +96,25 @@ TEST(Truth, AveragesOverTheFootprint) {
   options.strata = 8;
   // Texel i = 3 spans x from 0 to 2: a quarter of it is white.
   EXPECT_NEAR(Compute(*world, header, options).btf.Image(0, 0)[3 * 3], 0.25 / kPi, 1e-6);
+}
+
+TEST(Strata, OneInEachCellColumnAndRow) {
+  for (int n : {1, 2, 3, 4, 7}) {
+    std::vector<int> cells(n * n), columns(n * n), rows(n * n);
+    double mean_u = 0, mean_v = 0;
+    for (int s = 0; s < n * n; ++s) {
+      const auto [u, v] = StratumPoint(s, n);
+      ++cells[static_cast<int>(u * n) + n * static_cast<int>(v * n)];
+      ++columns[static_cast<int>(u * n * n)];
+      ++rows[static_cast<int>(v * n * n)];
+      mean_u += u / (n * n), mean_v += v / (n * n);
+    }
+    EXPECT_THAT(cells, testing::Each(1));
+    EXPECT_THAT(columns, testing::Each(1));
+    EXPECT_THAT(rows, testing::Each(1));
+    EXPECT_NEAR(mean_u, 0.5, 1e-12);
+    EXPECT_NEAR(mean_v, 0.5, 1e-12);
+  }
 }
 
 TEST(Truth, AbsentStaysAbsentAndThreadsDoNotMatter) {
