@@ -92,7 +92,6 @@ void SimServer::Receive(Client& client) {
   char buffer[1 << 16];
   const auto size = ReceiveSome(client.fd.get(), buffer, sizeof(buffer));
   if (!size.ok() || *size == 0) return Drop(client, "closed");
-  client.last_heard = HostClock::now();
   if (const Status status = client.reader.Feed({buffer, *size}); !status.ok()) {
     return Drop(client, Message(status));
   }
@@ -101,6 +100,8 @@ void SimServer::Receive(Client& client) {
     if (!message) break;
     Serve(client, std::move(*message));
   }
+  // What this process spent computing is not the client's silence: its signs of life wait unread.
+  client.last_heard = HostClock::now();
 }
 
 void SimServer::Drop(Client& client, std::string_view why) {

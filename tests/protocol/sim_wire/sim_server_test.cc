@@ -29,6 +29,8 @@ class Ticker final : public SimDevice {
   void RunEvent(RigTime now, Outbox& out) override {
     ++ticks;
     next_ = now + period;
+    const auto busy_until = std::chrono::steady_clock::now() + busy;
+    while (std::chrono::steady_clock::now() < busy_until) std::this_thread::yield();
     if (loud) out.Send("tick");
   }
   Status Inject(RigTime, std::string_view text, Outbox& out) override {
@@ -38,6 +40,7 @@ class Ticker final : public SimDevice {
   }
   RigTime period = kNever;
   bool loud = true;
+  milliseconds busy{0};  // host time that each tick takes to compute
   std::atomic<int> ticks{0};
   std::atomic<RigTime> commanded_at{RigTime(-1)};
 
@@ -146,6 +149,21 @@ TEST_F(SimServerTest, RunsOnAndMarksTheSessionWhenTheDaemonFallsSilent) {
   RigClock::Activity activity(*link, Pace::kFree);
   link->SleepFor(std::chrono::seconds(10));
   EXPECT_FALSE(link->deterministic());
+}
+
+// The daemon is not silent while the simulator is too busy to listen.
+TEST_F(SimServerTest, ABusySimulatorIsNotASilentDaemon) {
+  ticker_.period = milliseconds(10);
+  ticker_.busy = milliseconds(250);
+  Start(milliseconds(100));
+  SimLinkOptions options;
+  options.alive_period = milliseconds(20);
+  const auto link = Link(options);
+  RigClock::Member member(*link, "test");
+  RigClock::Activity activity(*link, Pace::kFree);
+  link->SleepFor(milliseconds(35));
+  EXPECT_EQ(ticker_.ticks, 3);
+  EXPECT_TRUE(link->deterministic());
 }
 
 TEST_F(SimServerTest, DeadlinesStillComeWhenTheSimulatorIsGone) {
