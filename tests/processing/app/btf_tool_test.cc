@@ -1,0 +1,123 @@
+// The program itself: exit codes, one line an error, figures as JSON.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "processing/btf/btf_file.h"
+#include "protocol/base/file_writer.h"
+#include "tests/processing/btf/synthetic.h"
+
+namespace mesorig {
+namespace {
+
+using btf::RingDirections;
+using ::testing::HasSubstr;
+
+struct Output {
+  int exit = -1;
+  std::string text;  // standard output and error
+};
+
+Output Run(const std::string& arguments) {
+  Output output;
+  const std::string command = std::string(MESORIG_BIN_DIR) + "/mesorig-btf " + arguments + " 2>&1";
+  std::FILE* pipe = ::popen(command.c_str(), "r");
+  char buffer[4096];
+  for (size_t n; (n = std::fread(buffer, 1, sizeof(buffer), pipe)) > 0;) {
+    output.text.append(buffer, n);
+  }
+  output.exit = WEXITSTATUS(::pclose(pipe));
+  return output;
+}
+
+class BtfTool : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const auto header =
+        btf::SmallHeader(16, 12, RingDirections(2, 6, 60), RingDirections(2, 6, 60));
+    ASSERT_TRUE(btf::WriteSampledBtf(btf::SyntheticBtf(header), folder_ / "a.btf.exr").ok());
+  }
+  std::string Path(std::string_view name) { return (folder_ / name).string(); }
+  btf::TemporaryFolder folder_;
+};
+
+TEST_F(BtfTool, Info) {
+  const Output text = Run("info " + Path("a.btf.exr"));
+  EXPECT_EQ(text.exit, 0);
+  EXPECT_THAT(text.text, HasSubstr("13 views x 13 lights, 169 of 169 pairs present"));
+  const auto json = nlohmann::json::parse(Run("info --json " + Path("a.btf.exr")).text);
+  EXPECT_EQ(json["codec"], "raw");
+  EXPECT_EQ(json["uncompressed_bytes"], 169 * 16 * 12 * 6);
+}
+
+TEST_F(BtfTool, CompressThenCompareSaysTheSame) {
+  const Output compress = Run("compress --json --codec view-svd --terms 3 " + Path("a.btf.exr") +
+                              " --out " + Path("b.btf.exr"));
+  ASSERT_EQ(compress.exit, 0) << compress.text;
+  const auto a = nlohmann::json::parse(compress.text);
+  EXPECT_EQ(a["terms"], 3);
+  EXPECT_EQ(a["bytes"], std::filesystem::file_size(folder_ / "b.btf.exr"));
+  EXPECT_GT(a["psnr_db"], 25);
+  EXPECT_TRUE(a.contains("seconds") && a.contains("ratio"));
+  const auto b = nlohmann::json::parse(
+      Run("compare --json " + Path("b.btf.exr") + " " + Path("a.btf.exr")).text);
+  EXPECT_EQ(a["rel_error"], b["rel_error"]);
+  EXPECT_EQ(a["psnr_db"], b["psnr_db"]);
+}
+
+TEST_F(BtfTool, AllTermsReproduce) {
+  const auto json = nlohmann::json::parse(Run("compress --json --codec view-svd --terms all " +
+                                              Path("a.btf.exr") + " -o " + Path("b")).text);
+  EXPECT_LT(json["rel_error"], 1e-6);
+}
+
+TEST_F(BtfTool, Slice) {
+  EXPECT_EQ(Run("slice " + Path("a.btf.exr") + " --view 1 --light 2 -o " + Path("s.png")).exit, 0);
+  EXPECT_EQ(ReadFile(folder_ / "s.png")->substr(1, 3), "PNG");
+  EXPECT_EQ(Run("slice " + Path("a.btf.exr") + " --view 99 --light 2 -o " + Path("t.png")).exit, 2);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "t.png"));
+}
+
+TEST_F(BtfTool, CrossValidate) {
+  const Output ptm = Run("cross-validate --json --codec rf-ptm " + Path("a.btf.exr") +
+                         " --pictures " + Path("pictures"));
+  ASSERT_EQ(ptm.exit, 0) << ptm.text;
+  const auto json = nlohmann::json::parse(ptm.text);
+  EXPECT_EQ(json["lights"].size(), 13u);
+  EXPECT_TRUE(json.contains("psnr_db") && json.contains("lambert_psnr_db"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "pictures/view_000_light_000.png"));
+  const Output svd = Run("cross-validate --codec view-svd " + Path("a.btf.exr"));
+  EXPECT_EQ(svd.exit, 1);
+  EXPECT_THAT(svd.text, HasSubstr("UNIMPLEMENTED"));
+}
+
+TEST_F(BtfTool, BadInputIsOneLineAndExitTwo) {
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "garbage", std::string(5000, 'x')).ok());
+  std::filesystem::create_directory(folder_ / "empty");
+  const std::string out = " -o " + Path("never.exr");
+  for (const std::string& arguments :
+       {"info " + Path("garbage"), "info " + Path("absent"), "info " + folder_.path().string(),
+        "compress --codec view-svd " + Path("garbage") + out,
+        "compress --codec view-svd --terms 14 " + Path("a.btf.exr") + out,
+        "compress --codec nonsense " + Path("a.btf.exr") + out,
+        "compare " + Path("a.btf.exr") + " " + Path("garbage"),
+        "import --format nonsense " + Path("empty") + out, "import " + Path("empty") + out,
+        "compress --codec view-svd " + Path("a.btf.exr") + " -o " + Path("no/such/folder.exr")}) {
+    const Output output = Run(arguments);
+    EXPECT_EQ(output.exit, 2) << arguments << "\n" << output.text;
+    EXPECT_EQ(std::count(output.text.begin(), output.text.end(), '\n'), 1) << output.text;
+    EXPECT_TRUE(output.text.starts_with("mesorig-btf: ")) << output.text;
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "never.exr"));
+  EXPECT_EQ(Run("").exit, 2);
+  EXPECT_EQ(Run("compress --codec view-svd --terms zero " + Path("a.btf.exr") + out).exit, 2);
+  EXPECT_EQ(Run("--help").exit, 0);
+  EXPECT_EQ(Run("--version").exit, 0);
+}
+
+}  // namespace
+}  // namespace mesorig
