@@ -9,6 +9,7 @@
 #include "processing/btf/btf_file.h"
 #include "processing/btf/errors.h"
 #include "processing/exchange/importer.h"
+#include "processing/report/errors_by_angle.h"
 
 namespace mesorig::processing {
 namespace {
@@ -65,6 +66,25 @@ std::string ErrorsText(const btf::BtfErrors& e, bool calibrated) {
                      e.rel_error, e.psnr_db,
                      calibrated ? "1/pi sr^-1" : "1, code value 255: not calibrated", e.rmse,
                      e.max_abs);
+}
+
+json RingsJson(const std::vector<report::AngleErrors>& rings) {
+  json list = json::array();
+  for (const report::AngleErrors& e : rings) {
+    list.push_back({{"theta_deg", e.theta_deg},
+                    {"psnr_db", e.psnr_db},
+                    {"rel_error", e.rel_error},
+                    {"rmse", e.rmse},
+                    {"pairs", e.pairs}});
+  }
+  return list;
+}
+
+void PrintRings(const char* what, const std::vector<report::AngleErrors>& rings) {
+  for (const report::AngleErrors& e : rings) {
+    fmt::print("  {} at {:5.1f} deg: psnr_db {:.2f}, rel_error {:.3g} ({} pairs)\n", what,
+               e.theta_deg, e.psnr_db, e.rel_error, e.pairs);
+  }
 }
 
 // All but the brightest hundredth is below white.
@@ -166,7 +186,7 @@ Status Compress(const CompressOptions& options) {
 }
 
 Status Compare(const std::filesystem::path& a, const std::filesystem::path& reference,
-               bool as_json) {
+               bool by_angle, bool as_json) {
   ProgressBar progress("compare");
   const auto start = std::chrono::steady_clock::now();
   MESORIG_ASSIGN_OR_RETURN(const btf::SampledBtf left, codecs::ReadAnyBtf(a));
@@ -177,13 +197,23 @@ Status Compare(const std::filesystem::path& a, const std::filesystem::path& refe
   if (!errors.ok()) {
     return Annotate(errors.status(), fmt::format("{} against {}", a.string(), reference.string()));
   }
+  report::ErrorsByAngleResult rings;
+  if (by_angle) {
+    MESORIG_ASSIGN_OR_RETURN(rings, report::ErrorsByAngle(left, right));
+  }
   if (as_json) {
     json result = ErrorsJson(*errors);
+    if (by_angle) {
+      result["by_view_theta"] = RingsJson(rings.by_view_theta);
+      result["by_light_theta"] = RingsJson(rings.by_light_theta);
+    }
     result["seconds"] = SecondsSince(start);
     Print(result);
   } else {
     fmt::print("{} pairs, {} values: {}\n", errors->pairs, errors->samples,
                ErrorsText(*errors, right.header().calibrated));
+    PrintRings("views", rings.by_view_theta);
+    PrintRings("lights", rings.by_light_theta);
   }
   return OkStatus();
 }

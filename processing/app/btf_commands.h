@@ -24,7 +24,12 @@ struct CompressOptions {
 };
 Status Compress(const CompressOptions& options);
 
-Status Compare(const std::filesystem::path& a, const std::filesystem::path& reference, bool json);
+// by_angle: also per ring of views and of lights.
+Status Compare(const std::filesystem::path& a, const std::filesystem::path& reference,
+               bool by_angle, bool json);
+
+// report.json to report.html (docs/report.md). An empty `to` is report.html beside it.
+Status Report(const std::filesystem::path& report_json, std::filesystem::path to, bool json);
 
 struct SliceOptions {
   std::filesystem::path from, to;

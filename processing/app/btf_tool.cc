@@ -51,7 +51,7 @@ struct Arguments {
   processing::CompressOptions compress;
   processing::SliceOptions slice;
   processing::CrossValidateOptions cross;
-  bool json = false;
+  bool by_angle = false, json = false;
 };
 
 CLI::App* AddCommand(CLI::App& app, const char* name, const char* text, Arguments& a) {
@@ -85,6 +85,12 @@ void AddCommands(CLI::App& app, Arguments& a) {
       "psnr_db has peak 1/pi sr^-1 (1, code value 255, where not calibrated)", a);
   compare->add_option("file", a.from, "*.btf.exr")->required();
   compare->add_option("reference", a.reference, "*.btf.exr")->required();
+  compare->add_flag("--by-angle", a.by_angle, "also per polar angle of the view and of the light");
+
+  CLI::App* report = AddCommand(
+      app, "report", "report.json of a run to a page with tables, plots and pictures", a);
+  report->add_option("file", a.from, "report.json")->required();
+  report->add_option("-o,--out", a.to, "page to write, beside it (report.html)");
 
   CLI::App* cross = AddCommand(
       app, "cross-validate",
@@ -107,7 +113,8 @@ void AddCommands(CLI::App& app, Arguments& a) {
 Status Run(const CLI::App& app, Arguments& a) {
   if (app.got_subcommand("info")) return processing::Info(a.from, a.json);
   if (app.got_subcommand("import")) return processing::Import(a.from, a.format, a.to, a.json);
-  if (app.got_subcommand("compare")) return processing::Compare(a.from, a.reference, a.json);
+  if (app.got_subcommand("report")) return processing::Report(a.from, a.to, a.json);
+  if (app.got_subcommand("compare")) return processing::Compare(a.from, a.reference, a.by_angle, a.json);
   if (app.got_subcommand("compress")) {
     a.compress.from = a.from;
     a.compress.to = a.to;

@@ -31,13 +31,13 @@ constexpr std::string_view kSweep =
     "set output 'plot.png'\n" MESORIG_PLOT_STYLE
     "set multiplot layout 1,2\n"
     "set xlabel 'terms'\nset ylabel 'PSNR, dB' tc rgb blue\nset y2label 'encoding, s' tc rgb orange\n"
-    "set y2tics\nset border 11\nset logscale x 2\nset y2range [0:*]\nset offsets 0,0,1,1\n"
+    "set y2tics\nset border 11\nset logscale x 2\nset y2range [0:*]\nset offsets graph 0.03,graph 0.03,1,1\n"
     "set key bottom right\n"
     "plot 'data.txt' using 1:3 with linespoints pt 7 ps 1.4 lc rgb blue title 'PSNR', "
     "'' using 1:4 axes x1y2 with linespoints pt 5 ps 1.2 lc rgb orange title 'encoding time'\n"
     "unset y2tics\nunset y2label\nset border 3\nunset key\n"
     "set xlabel 'size, MB'\nset ylabel 'PSNR, dB' tc rgb '#404040'\nset logscale x 10\n"
-    "set offsets 0.15,0.25,1,1\n"
+    "set offsets graph 0.03,graph 0.1,1,1\n"
     "plot 'data.txt' using 2:3 with linespoints pt 7 ps 1.4 lc rgb blue, "
     "'' using 2:3:5 with labels left offset 0.6,-0.7 tc rgb '#404040' noenhanced\n";
 
