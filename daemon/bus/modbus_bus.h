@@ -3,7 +3,8 @@
 // thread with a queue of jobs. libmodbus blocks; the thread runs meanwhile, so that virtual time
 // stands still (docs/lockstep.md). While its owner works, the bus sends a keep-alive read so that
 // the slave's communication-loss timeout does not fire during long moves; when the owner has asked
-// for nothing for `keep_alive_limit`, or a write has failed, it stops, and the slave's timeout acts.
+// for nothing for `keep_alive_limit`, or a write has failed, it stops, and the slave's timeout
+// acts.
 
 #include <cstdint>
 #include <deque>
@@ -23,9 +24,9 @@ namespace mesorig::daemon {
 
 struct ModbusBusOptions {
   int unit = 1;
-  RigTime keep_alive = kNever;                                   // period; kNever: none
+  RigTime keep_alive = kNever;  // period; kNever: none
   RigTime keep_alive_limit = std::chrono::minutes(2);
-  std::chrono::milliseconds response_timeout{1000};              // host time
+  std::chrono::milliseconds response_timeout{1000};  // host time
 };
 
 // Thread-safe. Reads and writes are for rig threads (they wait in the rig clock); WriteCoilsAtOnce
@@ -51,8 +52,8 @@ class ModbusBus {
     std::function<Status(_modbus*)> work;
     bool writes = false;
     bool at_once = false;  // nothing overtakes it
-    bool done = false;  // guarded by the clock's lock
-    Status result;      // set before done
+    bool done = false;     // guarded by the clock's lock
+    Status result;         // set before done
     std::promise<void> finished;
   };
   struct ContextDeleter {

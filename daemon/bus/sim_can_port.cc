@@ -10,12 +10,14 @@ StatusOr<std::unique_ptr<SimCanPort>> SimCanPort::Open(sim_wire::SimLink& link) 
   return std::unique_ptr<SimCanPort>(new SimCanPort(link, device));
 }
 
-SimCanPort::~SimCanPort() { link_.Subscribe(device_, [](RigTime, std::string) {}); }
+SimCanPort::~SimCanPort() {
+  link_.Subscribe(device_, [](RigTime, std::string) {});
+}
 
 Status SimCanPort::Send(const CanFrame& frame) {
-  return Annotate(link_.Post(device_, sim_wire::Pack(sim_wire::CanFrame{frame.id, frame.size,
-                                                                        frame.data})),
-                  "CAN");
+  return Annotate(
+      link_.Post(device_, sim_wire::Pack(sim_wire::CanFrame{frame.id, frame.size, frame.data})),
+      "CAN");
 }
 
 void SimCanPort::OnFrame(std::function<void(RigTime, const CanFrame&)> handler) {

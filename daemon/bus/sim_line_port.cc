@@ -10,7 +10,9 @@ StatusOr<std::unique_ptr<SimLinePort>> SimLinePort::Open(sim_wire::SimLink& link
   return std::unique_ptr<SimLinePort>(new SimLinePort(link, device));
 }
 
-SimLinePort::~SimLinePort() { link_.Subscribe(device_, [](RigTime, std::string) {}); }
+SimLinePort::~SimLinePort() {
+  link_.Subscribe(device_, [](RigTime, std::string) {});
+}
 
 StatusOr<bool> SimLinePort::Read(int line) {
   const auto answer = link_.Query(device_, sim_wire::PackLineQuery(static_cast<uint16_t>(line)));

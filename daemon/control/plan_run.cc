@@ -122,8 +122,7 @@ bool PlanRun::Steady(const std::vector<double>& levels) const {
 Status PlanRun::SwitchLamp(int lamp) {
   const auto& lamps = context_.rig.lamps;
   lamp_ = lamp;
-  MESORIG_RETURN_IF_ERROR(
-      context_.devices.lamps->SwitchTo(lamp < 0 ? -1 : lamps[lamp].channel));
+  MESORIG_RETURN_IF_ERROR(context_.devices.lamps->SwitchTo(lamp < 0 ? -1 : lamps[lamp].channel));
   double settle_s = 0;  // lamps that go off count too
   for (const auto& each : lamps) settle_s = std::max(settle_s, each.settle_s);
   const RigTime start = context_.clock.Now();
@@ -168,8 +167,8 @@ Status PlanRun::Shoot(const Step& step) {
       context_.on_progress(progress_);
       return OkStatus();
     }
-    context_.on_note(fmt::format("shot {}, attempt {}: {}", step.shot, attempt + 1,
-                                 Message(missing)));
+    context_.on_note(
+        fmt::format("shot {}, attempt {}: {}", step.shot, attempt + 1, Message(missing)));
   }
   return Unavailable("shot {}: no frame after {} triggers: {}", step.shot, kShotAttempts,
                      Message(missing));

@@ -61,9 +61,9 @@ class PlanRun {
   const CompiledPlan& plan_;
   Session& session_;
   RunProgress progress_;
-  int lamp_ = -1;             // index into Rig::lamps that should shine
+  int lamp_ = -1;  // index into Rig::lamps that should shine
   uint32_t last_trigger_ = 0;
-  std::vector<double> exposure_of_camera_;  // 0: not configured
+  std::vector<double> exposure_of_camera_;     // 0: not configured
   std::vector<double> axis_rad_, lamp_level_;  // read back for the shot under way
 };
 

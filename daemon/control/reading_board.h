@@ -1,5 +1,6 @@
 #pragma once
-// The last values that were read back from the rig, each with when, for whoever asks for the status.
+// The last values that were read back from the rig, each with when, for whoever asks for the
+// status.
 
 #include <vector>
 

@@ -139,8 +139,8 @@ SequencerStatus SequencerImpl::GetStatus() const {
     started = run_started_;
   });
   status.now = clock_.Now();
-  const bool runs = status.state == SequencerState::kRunning ||
-                    status.state == SequencerState::kStopping;
+  const bool runs =
+      status.state == SequencerState::kRunning || status.state == SequencerState::kStopping;
   if (runs && started != RigTime{}) status.rig_s = Seconds(status.now - started);
   status.frames_durable = frames_durable_;
   status.deterministic = deterministic_();
@@ -213,8 +213,7 @@ void SequencerImpl::RunJob(const Job& job) {
   frames_durable_ = job.session->Summary().frames_durable;
 
   const bool by_hand = absl::IsCancelled(run) && chain_.Opening().ok();
-  const SequencerState state =
-      end.ok() || by_hand ? SequencerState::kIdle : SequencerState::kFault;
+  const SequencerState state = end.ok() || by_hand ? SequencerState::kIdle : SequencerState::kFault;
   clock_.Change([&] { status_.rig_s = times.virtual_s; });
   if (!end.ok()) spdlog::warn("session {}: incomplete: {}", job.session->id(), Message(end));
   SetState(state, end.ok() ? std::string_view("complete") : Message(end));
@@ -233,19 +232,22 @@ Status SequencerImpl::RunInActivity(const Job& job, Times& times) {
   {
     RigClock::Activity activity(clock_, Pace::kFree);
     chain_.Arm();
-    const PlanRun::Context context{
-        clock_, rig_, devices_, chain_, board_,
-        [this](const RunProgress& progress) {
-          clock_.Change([&] {
-            status_.shots_done = progress.shots_done;
-            status_.frames = progress.frames;
-          });
-          Emit(SequencerEvent::Kind::kProgress, "");
-        },
-        [this](const std::string& note) {
-          spdlog::warn("{}", note);
-          Emit(SequencerEvent::Kind::kNote, note);
-        }};
+    const PlanRun::Context context{clock_,
+                                   rig_,
+                                   devices_,
+                                   chain_,
+                                   board_,
+                                   [this](const RunProgress& progress) {
+                                     clock_.Change([&] {
+                                       status_.shots_done = progress.shots_done;
+                                       status_.frames = progress.frames;
+                                     });
+                                     Emit(SequencerEvent::Kind::kProgress, "");
+                                   },
+                                   [this](const std::string& note) {
+                                     spdlog::warn("{}", note);
+                                     Emit(SequencerEvent::Kind::kNote, note);
+                                   }};
     PlanRun run(context, job.plan, *job.session);
     status = run.Run();
     if (!status.ok()) {

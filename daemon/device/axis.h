@@ -23,8 +23,8 @@ class Axis {
  public:
   virtual ~Axis() = default;
   virtual const std::string& name() const = 0;
-  // Configures the drive and switches torque on. DeadlineExceeded: no answer; Unavailable: the drive
-  // refuses a setting; FailedPrecondition: a fault that a fault reset does not clear.
+  // Configures the drive and switches torque on. DeadlineExceeded: no answer; Unavailable: the
+  // drive refuses a setting; FailedPrecondition: a fault that a fault reset does not clear.
   virtual Status Enable() = 0;
   // Torque off, after a quick stop has come to rest. OK when it is off already.
   virtual Status Disable() = 0;

@@ -1,7 +1,7 @@
 #pragma once
 // What a driver is to the registry: a name and the factory of the one kind of device that it
-// drives. A driver is a folder under daemon/drivers and one mesorig_add_driver line; README.md tells
-// how to add one.
+// drives. A driver is a folder under daemon/drivers and one mesorig_add_driver line; README.md
+// tells how to add one.
 
 #include <memory>
 #include <string_view>
@@ -26,8 +26,8 @@ namespace mesorig::daemon {
 // What devices are made of. Borrowed; all of it outlives the devices. A bus that a rig lacks is
 // null; a factory that needs it fails with FailedPrecondition and says which.
 struct DriverContext {
-  RigClock* clock = nullptr;     // required
-  const Rig* rig = nullptr;      // required
+  RigClock* clock = nullptr;       // required
+  const Rig* rig = nullptr;        // required
   const StopFlag* stop = nullptr;  // required
   CanBus* can = nullptr;
   ModbusBus* modbus = nullptr;

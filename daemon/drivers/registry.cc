@@ -3,8 +3,10 @@
 #include "daemon/drivers/driver.h"
 
 // One `Driver Describe()` a driver folder, in a namespace named after it.
-#define MESORIG_ENTRY(id, name) \
-  namespace mesorig::daemon::id { Driver Describe(); }
+#define MESORIG_ENTRY(id, name)   \
+  namespace mesorig::daemon::id { \
+  Driver Describe();              \
+  }
 #include "daemon/drivers/registry_table.inc"
 #undef MESORIG_ENTRY
 

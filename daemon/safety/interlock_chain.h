@@ -1,8 +1,8 @@
 #pragma once
-// The interlock chain: e-stop and door, two normally closed lines, read by level. A line that cannot
-// be read is open. While armed (a plan runs) an opening is latched and raises the StopFlag: that the
-// chain closes again a moment later does not bring the plan back. Edges only make it quicker; Check
-// reads levels.
+// The interlock chain: e-stop and door, two normally closed lines, read by level. A line that
+// cannot be read is open. While armed (a plan runs) an opening is latched and raises the StopFlag:
+// that the chain closes again a moment later does not bring the plan back. Edges only make it
+// quicker; Check reads levels.
 
 #include <string>
 
@@ -29,7 +29,7 @@ class InterlockChain {
   Status Check();
   Levels levels() const;  // of the last Check
 
-  void Arm();     // forgets what was latched
+  void Arm();  // forgets what was latched
   void Disarm();
   // OK, or FailedPrecondition with the first opening since Arm.
   Status Opening() const;

@@ -132,7 +132,8 @@ std::string SdoAbortText(uint32_t code) {
 std::string EmergencyText(uint16_t code) {
   for (const uint32_t mask : {0xFFFFu, 0xFF00u, 0xF000u}) {
     for (const Meaning& emergency : kEmergencies) {
-      if (emergency.code == (code & mask)) return fmt::format("0x{:04X} ({})", code, emergency.text);
+      if (emergency.code == (code & mask))
+        return fmt::format("0x{:04X} ({})", code, emergency.text);
     }
   }
   return fmt::format("0x{:04X}", code);

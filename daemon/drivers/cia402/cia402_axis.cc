@@ -13,7 +13,7 @@ namespace {
 
 constexpr int16_t kAbortIsFault = 1;
 constexpr RigTime kEmergencyDelay{20'000'000};  // an emergency may follow its fault's statusword
-constexpr double kLimitSlack_rad = 1e-9;  // limits and targets both come from degrees
+constexpr double kLimitSlack_rad = 1e-9;        // limits and targets both come from degrees
 
 }  // namespace
 
@@ -101,8 +101,7 @@ Status Cia402Axis::Enable() {
 }
 
 Status Cia402Axis::StartNode() {
-  MESORIG_RETURN_IF_ERROR(
-      bus_.Send({0x000, 2, {0x01, static_cast<uint8_t>(axis_.can_node)}}));
+  MESORIG_RETURN_IF_ERROR(bus_.Send({0x000, 2, {0x01, static_cast<uint8_t>(axis_.can_node)}}));
   MESORIG_RETURN_IF_ERROR(RefreshStatus(Heed::kStop));
   clock_.Change([&] {
     started_ = true;
@@ -154,18 +153,17 @@ Status Cia402Axis::Transition(uint16_t controlword, DriveState from, Heed heed) 
   MESORIG_RETURN_IF_ERROR(sdo_.Write(kControlword, controlword, heed));
   const RigTime deadline = clock_.Now() + options_.answer_timeout;
   const auto changed = [&] { return StateOf(seen_.statusword) != from; };
-  const Status waited = heed == Heed::kStop ? stop_.Wait(deadline, changed)
+  const Status waited = heed == Heed::kStop                   ? stop_.Wait(deadline, changed)
                         : clock_.WaitUntil(deadline, changed) ? OkStatus()
                                                               : DeadlineExceeded("no change");
   if (waited.ok() || absl::IsCancelled(waited)) return waited;
   // Its TPDO may be lost or not configured.
   MESORIG_RETURN_IF_ERROR(RefreshStatus(heed));
   if (state() != from) return OkStatus();
-  return FailedPrecondition("{}: stays in \"{}\" after controlword 0x{:04X}{}", device_, Text(from),
-                            controlword,
-                            seen().emergency == 0
-                                ? std::string()
-                                : "; its last emergency: " + EmergencyText(seen().emergency));
+  return FailedPrecondition(
+      "{}: stays in \"{}\" after controlword 0x{:04X}{}", device_, Text(from), controlword,
+      seen().emergency == 0 ? std::string()
+                            : "; its last emergency: " + EmergencyText(seen().emergency));
 }
 
 Status Cia402Axis::ReachOperationEnabled() {
@@ -321,8 +319,7 @@ Status Cia402Axis::AwaitStatus(RigTime deadline, const std::function<bool(uint16
 Status Cia402Axis::WhyNotRunning() {
   clock_.Change([&] { enabled_ = false; });
   const DriveState left_to = state();
-  const bool fault =
-      left_to == DriveState::kFault || left_to == DriveState::kFaultReactionActive;
+  const bool fault = left_to == DriveState::kFault || left_to == DriveState::kFaultReactionActive;
   if (!fault) {
     return Unavailable("{}: the drive left \"operation enabled\" for \"{}\"", device_,
                        Text(left_to));

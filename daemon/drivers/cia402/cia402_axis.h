@@ -48,8 +48,8 @@ class Cia402Axis final : public Axis {
     uint16_t statusword = 0;
     int32_t position = 0;  // counts
     RigTime read_at{};
-    RigTime heard_at{};    // any frame
-    uint32_t boots = 0;    // boot-up messages
+    RigTime heard_at{};      // any frame
+    uint32_t boots = 0;      // boot-up messages
     uint16_t emergency = 0;  // last error code; 0 after its reset
   };
   void Subscribe();

@@ -68,10 +68,9 @@ StatusOr<CanFrame> SdoClient::Exchange(const Object& object, CanFrame request, H
 
   const RigTime deadline = clock_.Now() + timeout_;
   const auto answered = [&] { return answer_.has_value(); };
-  const Status waited = heed == Heed::kStop ? stop_.Wait(deadline, answered)
-                        : clock_.WaitUntil(deadline, answered)
-                            ? OkStatus()
-                            : DeadlineExceeded("no answer");
+  const Status waited = heed == Heed::kStop                    ? stop_.Wait(deadline, answered)
+                        : clock_.WaitUntil(deadline, answered) ? OkStatus()
+                                                               : DeadlineExceeded("no answer");
   if (absl::IsCancelled(waited)) return waited;
   if (!waited.ok()) {
     return DeadlineExceeded("{}: no answer within {} s", context(), Seconds(timeout_));

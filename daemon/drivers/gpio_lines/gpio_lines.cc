@@ -24,8 +24,7 @@ class GpioLines final : public DigitalLines {
 
 Driver Describe() {
   Driver driver;
-  driver.make_lines =
-      [](const DriverContext& context) -> StatusOr<std::unique_ptr<DigitalLines>> {
+  driver.make_lines = [](const DriverContext& context) -> StatusOr<std::unique_ptr<DigitalLines>> {
     if (context.lines == nullptr) {
       return FailedPrecondition(
           "digital lines: driver gpio_lines needs a line chip, and there is none");

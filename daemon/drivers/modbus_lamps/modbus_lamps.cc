@@ -8,7 +8,7 @@
 namespace mesorig::daemon::modbus_lamps {
 namespace {
 
-constexpr double kFullFlux = 1000;      // register value
+constexpr double kFullFlux = 1000;       // register value
 constexpr uint16_t kLargestFlux = 2000;  // a new lamp is a little over its rating; more is no flux
 
 }  // namespace

@@ -89,8 +89,7 @@ Status SimCamera::Trigger(uint32_t trigger_id) {
 StatusOr<CapturedFrame> SimCamera::Await(uint32_t trigger_id, RigTime deadline) {
   MESORIG_RETURN_IF_ERROR(CheckOpen());
   for (;;) {
-    const Status waited =
-        stop_.Wait(deadline, [&] { return !received_.EmptyInsideChange(); });
+    const Status waited = stop_.Wait(deadline, [&] { return !received_.EmptyInsideChange(); });
     if (absl::IsCancelled(waited)) return waited;
     if (!waited.ok()) {
       MESORIG_RETURN_IF_ERROR(link_.health());
@@ -104,8 +103,7 @@ StatusOr<CapturedFrame> SimCamera::Await(uint32_t trigger_id, RigTime deadline) 
   }
 }
 
-StatusOr<std::optional<CapturedFrame>> SimCamera::Accept(std::string payload,
-                                                         uint32_t trigger_id) {
+StatusOr<std::optional<CapturedFrame>> SimCamera::Accept(std::string payload, uint32_t trigger_id) {
   auto frame = sim_wire::UnpackCameraFrame(payload);
   if (!frame.ok() || frame->trigger_id != trigger_id) {
     ++dropped_;
@@ -117,15 +115,17 @@ StatusOr<std::optional<CapturedFrame>> SimCamera::Accept(std::string payload,
   }
   if (frame->width != camera_.width || frame->height != camera_.height ||
       frame->bits != camera_.bits || frame->pixels.size() != camera_.frame_bytes()) {
-    return Unavailable("camera {}: frame of {} x {} pixels, {} bits, {} bytes; the rig says {} x {}, "
-                       "{} bits, {} bytes",
-                       camera_.name, frame->width, frame->height, frame->bits,
-                       frame->pixels.size(), camera_.width, camera_.height, camera_.bits,
-                       camera_.frame_bytes());
+    return Unavailable(
+        "camera {}: frame of {} x {} pixels, {} bits, {} bytes; the rig says {} x {}, "
+        "{} bits, {} bytes",
+        camera_.name, frame->width, frame->height, frame->bits, frame->pixels.size(), camera_.width,
+        camera_.height, camera_.bits, camera_.frame_bytes());
   }
-  CapturedFrame captured{frame->trigger_id, frame->frame_id, frame->exposure_start,
-                         frame->exposure_end, frame->width, frame->height, frame->bits,
-                         std::make_shared<const std::string>(std::move(frame->pixels))};
+  CapturedFrame captured{
+      frame->trigger_id,     frame->frame_id,
+      frame->exposure_start, frame->exposure_end,
+      frame->width,          frame->height,
+      frame->bits,           std::make_shared<const std::string>(std::move(frame->pixels))};
   return captured;
 }
 
@@ -137,8 +137,8 @@ Driver Describe() {
                           int index) -> StatusOr<std::unique_ptr<Camera>> {
     const mesorig::Camera& camera = context.rig->cameras.at(index);
     if (context.simulator == nullptr) {
-      return FailedPrecondition("camera {}: driver sim_camera needs the simulator, and there is none",
-                                camera.name);
+      return FailedPrecondition(
+          "camera {}: driver sim_camera needs the simulator, and there is none", camera.name);
     }
     return std::make_unique<SimCamera>(*context.clock, *context.simulator, *context.stop, camera);
   };

@@ -27,7 +27,8 @@ class HostileNode {
       reply.data[0] = upload ? (statusword ? 0x4B : 0x43) : 0x60;
       if (frame.data[1] == 0x40 && frame.data[2] == 0x60) Follow(frame.data[4]);
       const uint32_t value = statusword ? statusword_ : 0;
-      for (int i = 0; upload && i < 4; ++i) reply.data[4 + i] = static_cast<uint8_t>(value >> 8 * i);
+      for (int i = 0; upload && i < 4; ++i)
+        reply.data[4 + i] = static_cast<uint8_t>(value >> 8 * i);
       said.push_back(reply);
       said.push_back(Status());
     } else if (frame.id == 0x400 + node_) {

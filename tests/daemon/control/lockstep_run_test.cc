@@ -36,8 +36,8 @@ class Bench {
     devices_.lamps = lamps_.get();
     devices_.lines = lines_.get();
     devices_.stop = &end.stop;
-    sequencer = Sequencer::Create(*end.link, rig, devices_,
-                                  [this] { return end.link->deterministic(); });
+    sequencer =
+        Sequencer::Create(*end.link, rig, devices_, [this] { return end.link->deterministic(); });
     sequencer->OnEvent([this](const SequencerEvent& event) {
       std::lock_guard lock(mutex_);
       if (event.kind != SequencerEvent::Kind::kEnded) return;
@@ -130,8 +130,7 @@ TEST(LockstepRun, StopByHandInTheMiddle) {
   std::thread hand;
   bench.sim.Exclusive([&](RigTime now) {
     bench.sim.hand.At(now + milliseconds(4000), [&](RigTime) {
-      hand = std::thread(
-          [&] { EXPECT_EQ(bench.sequencer->Stop("a hand said stop"), OkStatus()); });
+      hand = std::thread([&] { EXPECT_EQ(bench.sequencer->Stop("a hand said stop"), OkStatus()); });
       // Time stands still until the stop has been heard.
       while (bench.sequencer->GetStatus().state == SequencerState::kRunning) {
         std::this_thread::yield();

@@ -107,9 +107,9 @@ TEST(Sequencer, RunsThePlanInOrder) {
                   "turntable move 30", "arc move -20", "turntable there", "arc there", "lamp 0",
                   "C0 exposure 0.02", "C1 exposure 0.02", "C0 trigger 1", "C1 trigger 1",
                   "C0 frame 1", "C1 frame 1", "lamp 2", "C0 trigger 2", "C1 trigger 2",
-                  "C0 frame 2", "C1 frame 2", "turntable move 60", "arc move 10",
-                  "turntable there", "arc there", "C1 exposure 0.04", "C1 trigger 3", "C1 frame 3",
-                  "lamp -1", "lamps off", "turntable disable", "arc disable"));
+                  "C0 frame 2", "C1 frame 2", "turntable move 60", "arc move 10", "turntable there",
+                  "arc there", "C1 exposure 0.04", "C1 trigger 3", "C1 frame 3", "lamp -1",
+                  "lamps off", "turntable disable", "arc disable"));
   bench.ExpectAtRest();
   EXPECT_EQ(bench.session->Summary().end, SessionEnd::kComplete);
   const SequencerStatus status = bench.sequencer->GetStatus();

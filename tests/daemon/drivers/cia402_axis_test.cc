@@ -101,9 +101,10 @@ TEST_F(Cia402AxisTest, SdoAbortIsTold) {
   sim_.can.abort_index = 0x6081;
   const Status status = axis_->Enable();
   EXPECT_TRUE(absl::IsUnavailable(status)) << status;
-  EXPECT_THAT(Text(status),
-              HasSubstr("writing 0x6081:0 (profile velocity): aborted with 0x06090030 (value out of "
-                        "range)"));
+  EXPECT_THAT(
+      Text(status),
+      HasSubstr("writing 0x6081:0 (profile velocity): aborted with 0x06090030 (value out of "
+                "range)"));
 }
 
 TEST_F(Cia402AxisTest, DriveFaultMidMoveNamesTheEmergency) {

@@ -102,8 +102,7 @@ TEST_F(ModbusLampsTest, SlavesExceptionIsTold) {
 
 TEST_F(ModbusLampsTest, BadEndpointsAreRefused) {
   for (const char* endpoint : {"", "127.0.0.1", "127.0.0.1:", ":502", "127.0.0.1:70000", "a:b:c"}) {
-    EXPECT_TRUE(absl::IsInvalidArgument(
-        ModbusBus::Connect(*end_.link, endpoint, {}).status()))
+    EXPECT_TRUE(absl::IsInvalidArgument(ModbusBus::Connect(*end_.link, endpoint, {}).status()))
         << endpoint;
   }
   EXPECT_TRUE(absl::IsUnavailable(ModbusBus::Connect(*end_.link, "127.0.0.1:1", {}).status()));

@@ -56,7 +56,8 @@ TEST_F(SimCameraTest, RefusesWhatItCannotDo) {
   ASSERT_EQ(a_->Open(), OkStatus());
   const Status status = a_->Configure(2, 0);
   EXPECT_TRUE(absl::IsInvalidArgument(status));
-  EXPECT_THAT(std::string(Message(status)), HasSubstr("camera C0: exposure 2 s is not in [0.001, 1] s"));
+  EXPECT_THAT(std::string(Message(status)),
+              HasSubstr("camera C0: exposure 2 s is not in [0.001, 1] s"));
   const RigTime deadline = end_.link->Now() + milliseconds(300);
   EXPECT_TRUE(absl::IsDeadlineExceeded(a_->Await(9, deadline).status()));
   EXPECT_EQ(end_.link->Now(), deadline);

@@ -1,6 +1,6 @@
 #pragma once
-// Devices of a rig in memory, with one log of what was asked of them in which order. The listener of
-// the log is called before each operation takes effect; what it returns fails the operation.
+// Devices of a rig in memory, with one log of what was asked of them in which order. The listener
+// of the log is called before each operation takes effect; what it returns fails the operation.
 
 #include <cmath>
 #include <functional>
@@ -120,7 +120,11 @@ class FakeAxis final : public Axis {
 class FakeLampBank final : public LampBank {
  public:
   FakeLampBank(RigClock& clock, OperationLog& log, const Rig& rig)
-      : clock_(clock), log_(log), lamps_(rig.lamps), start_(lamps_.size()), target_(lamps_.size()) {}
+      : clock_(clock),
+        log_(log),
+        lamps_(rig.lamps),
+        start_(lamps_.size()),
+        target_(lamps_.size()) {}
   double brightest = 1;  // what a lamp that is on reaches
   Status Open() override { return log_.Add("lamps open"); }
   Status SwitchTo(int channel) override {
@@ -235,9 +239,10 @@ class FakeCamera final : public Camera {
     const RigTime delivery = lost ? kNever : end + FromSeconds(camera_.readout_s);
     const Status waited = stop_.Wait(std::min(deadline, delivery), [] { return false; });
     if (absl::IsCancelled(waited)) return waited;
-    if (lost) return DeadlineExceeded("camera {}: no frame of trigger {}", camera_.name, trigger_id);
-    CapturedFrame frame{trigger_id, ++frames_, triggered_at_, end,
-                        camera_.width, camera_.height, camera_.bits, nullptr};
+    if (lost)
+      return DeadlineExceeded("camera {}: no frame of trigger {}", camera_.name, trigger_id);
+    CapturedFrame frame{trigger_id,    ++frames_,      triggered_at_, end,
+                        camera_.width, camera_.height, camera_.bits,  nullptr};
     frame.pixels = std::make_shared<const std::string>(camera_.frame_bytes(), 'p');
     return frame;
   }

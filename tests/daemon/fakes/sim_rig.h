@@ -28,8 +28,8 @@ namespace mesorig::daemon {
 class MeddledCan final : public sim_wire::SimDevice {
  public:
   MeddledCan(const Rig& rig, simulator::Contactor& contactor) : bus_(rig, 7, contactor) {}
-  std::atomic<bool> mute{false};          // nothing of what the daemon says arrives
-  std::atomic<uint16_t> abort_index{0};   // SDO writes of this object are aborted with abort_code
+  std::atomic<bool> mute{false};         // nothing of what the daemon says arrives
+  std::atomic<uint16_t> abort_index{0};  // SDO writes of this object are aborted with abort_code
   std::atomic<uint32_t> abort_code{0};
   std::atomic<int> commands{0};
 
@@ -120,8 +120,11 @@ class AngleSource final : public simulator::ImageSource {
 // The simulator's end.
 class SimRig {
  public:
-  explicit SimRig(const Rig& rig) : can(rig, contactor), lamps(rig, contactor),
-                                    lines(rig.lines, contactor), source_(rig, can, lamps) {
+  explicit SimRig(const Rig& rig)
+      : can(rig, contactor),
+        lamps(rig, contactor),
+        lines(rig.lines, contactor),
+        source_(rig, can, lamps) {
     static std::atomic<int> count{0};
     dir_ = std::filesystem::temp_directory_path() /
            fmt::format("mesorig-sim-rig-{}-{}", ::getpid(), count++);

@@ -124,9 +124,9 @@ inline CompiledPlan SmallPlan(const Rig& rig) {
   CompiledPlan plan;
   plan.name = "small";
   plan.rig_sha256 = rig.sha256;
-  plan.steps = {MoveStep(30, -20),       LampStep(0), ShotStep(0, 0.02, {0, 1}),
-                LampStep(1),             ShotStep(1, 0.02, {0, 1}),
-                MoveStep(60, 10),        ShotStep(2, 0.04, {1}), LampStep(-1)};
+  plan.steps = {
+      MoveStep(30, -20),         LampStep(0),      ShotStep(0, 0.02, {0, 1}), LampStep(1),
+      ShotStep(1, 0.02, {0, 1}), MoveStep(60, 10), ShotStep(2, 0.04, {1}),    LampStep(-1)};
   plan.shots = 3;
   plan.frames = 5;
   plan.seconds = 5;
