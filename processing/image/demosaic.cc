@@ -23,6 +23,18 @@ void Filter(cv::Mat& plane, const cv::Matx33f& kernel) {
   plane = filtered;
 }
 
+// 1 at the colour's own pixels.
+cv::Mat MaskOf(const MosaicImage& mosaic, int colour) {
+  cv::Mat mask(mosaic.height, mosaic.width, CV_32F, cv::Scalar(0));
+  for (int row = 0; row < mosaic.height; ++row) {
+    float* out = mask.ptr<float>(row);
+    for (int column = 0; column < mosaic.width; ++column) {
+      if (ColourAt(mosaic.pattern, column, row) == colour) out[column] = 1;
+    }
+  }
+  return mask;
+}
+
 cv::Mat PlaneOf(const MosaicImage& mosaic, int colour) {
   cv::Mat plane(mosaic.height, mosaic.width, CV_32F, cv::Scalar(0));
   const float* in = mosaic.radiance.data();
@@ -35,26 +47,92 @@ cv::Mat PlaneOf(const MosaicImage& mosaic, int colour) {
   return plane;
 }
 
+// Where the window always holds samples of every colour: a Gaussian of one pixel, seven wide.
+cv::Mat Window(const cv::Mat& plane) {
+  cv::Mat mean;
+  cv::GaussianBlur(plane, mean, cv::Size(7, 7), 1, 1, cv::BORDER_REFLECT_101);
+  return mean;
+}
+
+// The line target = slope * guide + offset through the pixels of `mask` in each one's window
+// (He et al. 2010, Eqs. 5-6). Two dyes under one changing light lie on such a line; where the guide
+// does not vary the slope goes to zero and plain interpolation is left.
+struct LocalLine {
+  cv::Mat slope, offset;
+};
+LocalLine FitLine(const cv::Mat& guide, const cv::Mat& target, const cv::Mat& mask) {
+  constexpr double kRelativeVariance = 1e-2;  // of the guide's mean: noise, not detail
+  constexpr double kTiny = 1e-12;             // a black window
+  const cv::Mat weight = Window(mask), masked = guide.mul(mask);
+  const cv::Mat mean_g = Window(masked) / weight, mean_t = Window(target.mul(mask)) / weight;
+  const cv::Mat variance = Window(masked.mul(guide)) / weight - mean_g.mul(mean_g);
+  const cv::Mat covariance = Window(masked.mul(target)) / weight - mean_g.mul(mean_t);
+  LocalLine line;
+  line.slope = covariance / (variance + kRelativeVariance * mean_g.mul(mean_g) + kTiny);
+  // Slopes beyond these come from a few noisy pixels.
+  cv::min(line.slope, 4.0, line.slope);
+  cv::max(line.slope, -1.0, line.slope);
+  line.offset = mean_t - line.slope.mul(mean_g);
+  return line;
+}
+
+// Green at red's (blue's) pixels: what that colour shows there beyond its four next samples, as much
+// of it as green follows, at half weight as in Malvar et al. 2004.
+cv::Mat GreenDetail(const cv::Mat& green, const cv::Mat& colour, const cv::Mat& mask) {
+  constexpr float kQuarter = .25f;
+  const cv::Mat kernel = (cv::Mat_<float>(5, 5) << 0, 0, kQuarter, 0, 0,  //
+                          0, 0, 0, 0, 0,                                   //
+                          kQuarter, 0, 0, 0, kQuarter,                     //
+                          0, 0, 0, 0, 0,                                   //
+                          0, 0, kQuarter, 0, 0);
+  cv::Mat neighbours, slope = FitLine(colour, green, mask).slope;
+  cv::filter2D(colour, neighbours, CV_32F, kernel, cv::Point(-1, -1), 0, cv::BORDER_REFLECT_101);
+  cv::max(slope, 0.0, slope);
+  cv::min(slope, 2.0, slope);
+  return 0.5 * (colour - neighbours).mul(mask).mul(slope);
+}
+
+// Residual interpolation (Kiku et al. 2013): the line through green tells the detail, and what the
+// colour's own samples say beyond it is interpolated; so samples are kept as they are.
+cv::Mat FollowGreen(const cv::Mat& green, const cv::Mat& colour, const cv::Mat& mask) {
+  const LocalLine line = FitLine(green, colour, mask);
+  const cv::Mat tentative = line.slope.mul(green) + line.offset;
+  cv::Mat residual = (colour - tentative).mul(mask);
+  Filter(residual, kRedBlue);
+  return tentative + residual;
+}
+
+std::array<cv::Mat, 3> BayerPlanes(const MosaicImage& mosaic) {
+  const cv::Mat red = PlaneOf(mosaic, 0), blue = PlaneOf(mosaic, 2);
+  const cv::Mat red_mask = MaskOf(mosaic, 0), blue_mask = MaskOf(mosaic, 2);
+  cv::Mat green = PlaneOf(mosaic, 1);
+  Filter(green, kGreen);
+  const cv::Mat detail =
+      GreenDetail(green, red, red_mask) + GreenDetail(green, blue, blue_mask);
+  green += detail;
+  return {FollowGreen(green, red, red_mask), green, FollowGreen(green, blue, blue_mask)};
+}
+
 std::array<cv::Mat, 3> Planes(const MosaicImage& mosaic, PixelModel model) {
+  const bool mono = mosaic.pattern == BayerPattern::kMono;
   std::array<cv::Mat, 3> planes;
-  if (mosaic.pattern == BayerPattern::kMono) {
+  if (mono) {
     planes[0] = PlaneOf(mosaic, 1);
-    if (model == PixelModel::kCentre) Filter(planes[0], kCentreFromMean);
-    planes[1] = planes[2] = planes[0];  // shared, read only from here on
-    return planes;
+  } else {
+    planes = BayerPlanes(mosaic);
   }
-  for (size_t c = 0; c < 3; ++c) {
-    planes[c] = PlaneOf(mosaic, static_cast<int>(c));
-    Filter(planes[c], c == 1 ? kGreen : kRedBlue);
-    if (model == PixelModel::kCentre) Filter(planes[c], kCentreFromMean);
+  for (size_t c = 0; c < (mono ? 1 : 3) && model == PixelModel::kCentre; ++c) {
+    Filter(planes[c], kCentreFromMean);
   }
+  if (mono) planes[1] = planes[2] = planes[0];  // shared, read only from here on
   return planes;
 }
 
-// Marks every pixel that one of the filters above reached from a saturated one.
+// Marks every pixel whose interpolation took in a saturated one. (Windows of the lines reach
+// further; a line that a clipped pixel has bent is not marked.)
 std::vector<uint8_t> SpreadSaturated(const MosaicImage& mosaic, PixelModel model) {
   if (mosaic.saturated.empty()) return {};
-  const int reach = (mosaic.pattern == BayerPattern::kMono ? 0 : 1) +
+  const int reach = (mosaic.pattern == BayerPattern::kMono ? 0 : 2) +
                     (model == PixelModel::kCentre ? 1 : 0);
   cv::Mat flags(mosaic.height, mosaic.width, CV_8U,
                 const_cast<uint8_t*>(mosaic.saturated.data()));  // only read

@@ -24,10 +24,11 @@ enum class PixelModel {
   kCentre,
 };
 
-// Each colour from the pixels of that colour alone, bilinear. Methods that take a colour's detail
-// from another one (Malvar et al. 2004, and in tests/processing/image its figures) presume that
-// hue is smooth; threads of different dyes are what it is not. Mirrored at the borders. A mono
-// image gives three equal channels. InvalidArgument for an image smaller than 4 x 4 pixels.
+// Residual interpolation (Kiku et al. 2013) along local lines between colours (He et al. 2010): light
+// and shadow are common to the colours, dyes are not, and within a few pixels both together leave
+// the colours on a line. Own samples are kept; where there is no common detail it is bilinear
+// interpolation. Mirrored at the borders. A mono image gives three equal channels. InvalidArgument
+// for an image smaller than 4 x 4 pixels.
 StatusOr<RgbImage> Demosaic(const MosaicImage& mosaic, PixelModel model = PixelModel::kCentre);
 
 }  // namespace mesorig::image
