@@ -37,7 +37,7 @@ constexpr std::string_view kSweep =
     "'' using 1:4 axes x1y2 with linespoints pt 5 ps 1.2 lc rgb orange title 'encoding time'\n"
     "unset y2tics\nunset y2label\nset border 3\nunset key\n"
     "set xlabel 'size, MB'\nset ylabel 'PSNR, dB' tc rgb '#404040'\nset logscale x 10\n"
-    "set offsets graph 0.03,graph 0.1,1,1\n"
+    "set autoscale xfix\nset offsets graph 0.05,graph 0.12,1,1\n"
     "plot 'data.txt' using 2:3 with linespoints pt 7 ps 1.4 lc rgb blue, "
     "'' using 2:3:5 with labels left offset 0.6,-0.7 tc rgb '#404040' noenhanced\n";
 
