@@ -14,7 +14,7 @@ done
 mkdir -p "$out" || { echo "demo: $out cannot be made" >&2; exit 2; }
 out=$(cd "$out" && pwd)
 rig=$root/rigs/demo.toml sample=$root/rigs/samples/weave.toml plan=$root/plans/demo.toml
-photographs=$root/../shared/data/multi_light
+photographs=${MESORIG_PHOTOGRAPHS:-$root/../shared/data/multi_light}
 
 runtime=$(mktemp -d /tmp/mesorig-demo-XXXXXX)
 services=()
@@ -69,7 +69,11 @@ mv "$(jq -r '.products[0].path // empty' "$out/json/capture.json")" "$btf" || fa
 figure capture capture '"\(.frames_on_disk) of \(.frames_planned) frames, \(.virtual_s | round) s at the rig in \(.wall_s | round) s; BTF packed \(.processing_wall_s * 10 | round / 10) s after the first frame"'
 
 stage truth "$bin/mesorig-sim" truth --sample "$sample" --like "$btf" --out "$out/truth.btf.exr" --json
-stage btf "$bin/mesorig-btf" compare "$btf" "$out/truth.btf.exr" --json
+stage truth_nominal "$bin/mesorig-sim" truth --sample "$sample" --like "$btf" --nominal \
+  --out "$out/nominal.btf.exr" --json
+stage btf_nominal "$bin/mesorig-btf" compare "$btf" "$out/nominal.btf.exr" --json
+rm "$out/nominal.btf.exr"
+stage btf "$bin/mesorig-btf" compare "$btf" "$out/truth.btf.exr" --by-angle --json
 figure btf btf '"\(.psnr_db * 100 | round / 100) dB against the simulator, relative error \(.rel_error * 1e4 | round / 1e4)"'
 
 for terms in 1 2 4 8 16; do
@@ -84,7 +88,16 @@ for scene in demo slab; do
   stage "render_$scene" "$bin/mesorig-render" "$root/scenes/$scene.toml" --btf "$svd" \
     --out "$out/pictures/$scene.png" --json
 done
-figure render render_demo '"\(.ms_per_frame | round) ms a frame of \(.width)x\(.height) (\(.renderer))"'
+figure render render_demo '"\(.ms_per_frame | round) ms a frame of \(.width_px)x\(.height_px) (\(.renderer))"'
+
+# The same texels seen steeply and flatly, measured and true, for the report.
+views=(1 25 37) lights=(20 20 20)
+for i in 0 1 2; do
+  for side in sample truth; do
+    "$bin/mesorig-btf" slice "$out/$side.btf.exr" --view "${views[i]}" --light "${lights[i]}" \
+      --out "$out/pictures/${side}_v${views[i]}.png" >/dev/null || fail "slice of $side failed"
+  done
+done
 
 if [ -d "$photographs" ]; then
   for name in cat owl; do
@@ -97,3 +110,28 @@ if [ -d "$photographs" ]; then
 else
   echo "photographs  skipped: no $photographs"
 fi
+
+# report.json: every figure beside the time that it took.
+pictures() {  # file|caption|section lines to JSON, for the files that are there
+  while IFS='|' read -r file caption section; do
+    [ -f "$out/$file" ] && jq -n --arg file "$file" --arg caption "$caption" --arg section "$section" \
+      '{$file, $caption, $section}'
+  done | jq -s .
+}
+pictures >"$out/json/pictures.list" <<TEXT
+pictures/demo.png|Left the BTF on a torus and a slab, right a plain texture of the same sample|Renderings
+pictures/slab.png|The sample as it lay on the rig: BTF on the left, plain texture on the right|Renderings
+$(for i in 0 1 2; do
+  echo "pictures/sample_v${views[i]}.png|Measured, view ${views[i]}, light ${lights[i]}|Measured and true"
+  echo "pictures/truth_v${views[i]}.png|The simulator's truth, view ${views[i]}, light ${lights[i]}|Measured and true"
+done)
+$(for name in cat owl; do
+  for file in "$out/pictures/$name"/*.png; do
+    echo "pictures/$name/$(basename "$file")|$name: photographed, and predicted from the other lights|Photographs, relit"
+  done
+done)
+TEXT
+jq -n --slurpfile pictures "$out/json/pictures.list" -f "$root/plans/report.jq" "$out"/json/*.json \
+  >"$out/report.json" || fail "report.json failed"
+stage report "$bin/mesorig-btf" report "$out/report.json" --out "$out/report.html" --json
+echo "report       $out/report.html, $out/report.json; $(find "$out/pictures" -name '*.png' | wc -l) pictures in $out/pictures"

@@ -142,7 +142,7 @@ TEST(ViewSvd, ShaderForm) {
   ASSERT_TRUE(form.has_value());
   EXPECT_EQ(form->columns, 4);
   EXPECT_EQ(form->layers, 4 * 17);
-  EXPECT_EQ(form->table.size(), 13u * 4 + 13 * 17);
+  EXPECT_EQ(form->table.size(), 13u * 4) << "absent pairs are the renderer's, not the decoder's";
   EXPECT_NE(form->glsl.find("vec3 DecodeBtf("), std::string::npos);
   std::vector<float> image(btf.image_size());
   encoded->DecodeImage(7, 11, image);
