@@ -19,6 +19,11 @@ function(mesorig_add_program name)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR} ${CMAKE_BINARY_DIR}/generated)
   target_link_libraries(${name} PRIVATE ${arg_LINK})
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
+  # What the demo needs: ninja programs.
+  if(NOT TARGET programs)
+    add_custom_target(programs)
+  endif()
+  add_dependencies(programs ${name})
 endfunction()
 
 # mesorig_add_test(protocol_rig_test SOURCES rig_test.cc LINK mesorig::protocol_rig [DEPENDS mesorigd])
