@@ -14,7 +14,7 @@ done
 mkdir -p "$out" || { echo "demo: $out cannot be made" >&2; exit 2; }
 out=$(cd "$out" && pwd)
 rig=$root/rigs/demo.toml sample=$root/rigs/samples/weave.toml plan=$root/plans/demo.toml
-photographs=${MESORIG_PHOTOGRAPHS:-$root/../shared/data/multi_light}
+photographs=$root/../shared/data/multi_light
 
 runtime=$(mktemp -d /tmp/mesorig-demo-XXXXXX)
 services=()
