@@ -28,7 +28,8 @@ TEST(Bytes, StaysFailedPastTheEnd) {
 }
 
 TEST(Bytes, LengthsBeyondTheEndAreRefused) {
-  ByteReader in(std::string("\xff\xff\xff\xff", 4));
+  const std::string bytes("\xff\xff\xff\xff", 4);  // the reader borrows
+  ByteReader in(bytes);
   EXPECT_EQ(in.GetString(), "");
   EXPECT_FALSE(in.ok());
 }
