@@ -96,6 +96,7 @@ TEST(SceneTest, NeedsALightAndAnObject) {
 
 TEST(SceneTest, GarbageIsRefusedAndNeverCrashes) {
   std::mt19937 random(7);
+  int refused = 0;
   for (int i = 0; i < 3000; ++i) {
     std::string text = kScene;
     for (int k = static_cast<int>(random() % 4); k >= 0; --k) {
@@ -114,9 +115,14 @@ TEST(SceneTest, GarbageIsRefusedAndNeverCrashes) {
       if (text.empty()) text = "x";
     }
     const auto scene = Parse(text);
-    if (!scene.ok()) continue;
+    if (!scene.ok()) {
+      ++refused;
+      ASSERT_FALSE(Message(scene.status()).empty()) << text;
+      continue;
+    }
     for (const Object& object : scene->objects) (void)Placement(object);
   }
+  EXPECT_GT(refused, 1000);
 }
 
 TEST(SceneTest, ShippedScenesAreValid) {
