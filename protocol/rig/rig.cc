@@ -17,5 +17,8 @@ std::optional<int> Rig::FindAxis(std::string_view n) const { return FindByName(a
 std::optional<int> Rig::FindFrame(std::string_view n) const { return FindByName(frames, n); }
 std::optional<int> Rig::FindLamp(std::string_view n) const { return FindByName(lamps, n); }
 std::optional<int> Rig::FindCamera(std::string_view n) const { return FindByName(cameras, n); }
+std::optional<int> Rig::FindMount(std::string_view n) const {
+  return laser ? FindByName(laser->mounts, n) : std::nullopt;
+}
 
 }  // namespace mesorig

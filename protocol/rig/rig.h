@@ -77,6 +77,13 @@ struct Camera {
   }
 };
 
+// A rectangle of pixels of a sensor: what a camera reads. Even origin and size, so that the Bayer
+// pattern stays.
+struct Region {
+  int x = 0, y = 0, width = 0, height = 0;
+  friend bool operator==(const Region&, const Region&) = default;
+};
+
 // A capsule that blocks beams and views.
 struct Solid {
   std::string name;
@@ -85,16 +92,50 @@ struct Solid {
   double radius_mm = 0;
 };
 
+// The disc that the sample lies on: z = 0 of the frame "sample", seen where the sample is not.
+struct Turntable {
+  double radius_mm = 0;
+  double albedo = 0;            // diffuse, of every colour
+};
+
+// A place where the laser unit can be mounted by hand: on the laser's frame at azimuth 0.
+struct LaserMount {
+  std::string name;
+  double theta_rad = 0;         // polar angle from the frame's +z
+  double distance_mm = 0;       // from the frame's origin to the emitter
+};
+
+// A line laser whose emitter is tilted by a geared motor (docs/laser.md holds the geometry). At tilt
+// 0 the sheet passes through the frame's origin.
+struct Laser {
+  std::string name;
+  int frame = -1;
+  std::vector<LaserMount> mounts;      // at least one
+  int motor_port = 0;                  // of the NXT brick: 0 is A
+  double gear_ratio = 1;               // turns of the motor for one turn of the emitter
+  double backlash_rad = 0;             // of the motor, at most
+  double full_speed_rad_s = 0;         // of the motor, regulated, at power 100
+  double max_tilt_rad = 0;             // to both sides
+  double fan_rad = 0;                  // full opening of the sheet
+  double fwhm_mm = 0;                  // thickness of the sheet, full width at half maximum
+  double power_w = 0;                  // spread evenly over the fan
+  std::array<double, 3> response{};    // of red, green and blue pixels to its light, 0..1
+};
+
 // The lamp bank: Modbus coils switch, input registers read back (0..1000 per mille of full flux).
 struct LampBank {
   int unit = 1;                 // Modbus unit id
   double timeout_s = 0;         // communication-loss timeout: all lamps off
 };
 
-// Digital lines by number. Inputs are normally closed: level 1 is closed (good), 0 open.
+// Digital lines by number. Inputs are normally closed: level 1 is closed (good), 0 open. A rig
+// with a laser has two more: each rising edge of `laser_trigger` (output) holds the laser on for
+// kLaserOneShot_s, so that a steady level is off; `laser_on` (input) reads 1 while it shines.
 struct Lines {
   int estop = 0, door = 1, reset = 2;
+  int laser_trigger = -1, laser_on = -1;
 };
+inline constexpr double kLaserOneShot_s = 0.25;
 
 struct Rig {
   std::string name;
@@ -103,6 +144,8 @@ struct Rig {
   std::vector<Lamp> lamps;
   std::vector<Camera> cameras;
   std::vector<Solid> solids;
+  std::optional<Laser> laser;
+  std::optional<Turntable> turntable;  // a rig with a laser has one
   LampBank lamp_bank;
   Lines lines;
   double heartbeat_s = 0.5;     // CANopen heartbeat of every node and of the daemon
@@ -114,6 +157,7 @@ struct Rig {
   std::optional<int> FindFrame(std::string_view frame_name) const;
   std::optional<int> FindLamp(std::string_view lamp_name) const;
   std::optional<int> FindCamera(std::string_view camera_name) const;
+  std::optional<int> FindMount(std::string_view mount_name) const;  // of the laser
 };
 
 // NotFound or InvalidArgument with file:line:column: syntax, unknown key, value out of range, a

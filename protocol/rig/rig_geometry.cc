@@ -42,6 +42,32 @@ Vec3 LampInSample(const Rig& rig, int lamp, std::span<const double> axis_rad) {
   return Inverse(WorldFromSample(rig, axis_rad)) * LampInWorld(rig, lamp, axis_rad);
 }
 
+LaserPose LaserInWorld(const Rig& rig, int mount, std::span<const double> axis_rad) {
+  MESORIG_CHECK(rig.laser.has_value());
+  const LaserMount& m = rig.laser->mounts[mount];
+  const RigidTransform world_from_frame = WorldFromFrame(rig, rig.laser->frame, axis_rad);
+  const Vec3 towards = DirectionFromAngles(m.theta_rad, 0);
+  return {world_from_frame * (m.distance_mm * towards), world_from_frame.rotation * Vec3{0, 1, 0},
+          world_from_frame.rotation * -towards};
+}
+
+LaserPose LaserInSample(const Rig& rig, int mount, std::span<const double> axis_rad) {
+  const LaserPose world = LaserInWorld(rig, mount, axis_rad);
+  const RigidTransform sample_from_world = Inverse(WorldFromSample(rig, axis_rad));
+  return {sample_from_world * world.source, sample_from_world.rotation * world.axis,
+          sample_from_world.rotation * world.forward};
+}
+
+Vec3 SheetNormal(const LaserPose& pose, double tilt_rad) {
+  const Vec3 normal = Cross(pose.axis, pose.forward);
+  return std::cos(tilt_rad) * normal - std::sin(tilt_rad) * pose.forward;
+}
+
+double TiltOfPoint(const LaserPose& pose, Vec3 p) {
+  const Vec3 d = p - pose.source;
+  return std::atan2(Dot(d, Cross(pose.axis, pose.forward)), Dot(d, pose.forward));
+}
+
 std::optional<ImagePoint> Project(const Camera& camera, Vec3 p) {
   if (!(p.z > 1e-6)) return std::nullopt;
   return ImagePoint{camera.focal_px * p.x / p.z + camera.cx,

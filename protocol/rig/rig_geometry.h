@@ -19,6 +19,22 @@ Vec3 LampInWorld(const Rig& rig, int lamp, std::span<const double> axis_rad);
 RigidTransform SampleFromCamera(const Rig& rig, int camera, std::span<const double> axis_rad);
 Vec3 LampInSample(const Rig& rig, int lamp, std::span<const double> axis_rad);
 
+// The laser's pencil of planes (docs/laser.md): every sheet contains the line through `source` along
+// `axis`; `forward` is the beam's middle at tilt 0. `axis` x `forward` is the sheet's normal at tilt
+// 0; positive tilt turns the beam away from the foot of the source. Unit vectors.
+struct LaserPose {
+  Vec3 source, axis, forward;
+};
+// The rig must have a laser and this mount.
+LaserPose LaserInWorld(const Rig& rig, int mount, std::span<const double> axis_rad);
+LaserPose LaserInSample(const Rig& rig, int mount, std::span<const double> axis_rad);
+// Unit normal of the sheet at this tilt: Dot(normal, p - source) is the signed distance of p from
+// it, mm, positive ahead, where greater tilts go.
+Vec3 SheetNormal(const LaserPose& pose, double tilt_rad);
+// The tilt whose sheet passes through p, in (-pi, pi]; 0 for a point on the axis itself, which every
+// sheet contains.
+double TiltOfPoint(const LaserPose& pose, Vec3 p);
+
 // Image coordinates (pixel centres at half-integers) of a point in the camera frame. Nothing for a
 // point that is not in front of the camera (z <= 0, or so near that the division overflows).
 struct ImagePoint {

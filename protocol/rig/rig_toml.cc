@@ -152,6 +152,49 @@ void ReadSolid(TomlTable t, Rig& rig) {
   }
 }
 
+Laser ReadLaser(TomlTable t, const Rig& rig) {
+  Laser laser;
+  laser.name = t.String("name");
+  laser.frame = ReadFrameName(t, rig, "frame");
+  laser.motor_port = static_cast<int>(t.Integer("motor_port", {0, 2}));
+  laser.gear_ratio = t.Number("gear_ratio", {0.01, 1e6});
+  laser.backlash_rad = RadFromDeg(t.Number("backlash_deg", {0, 3600}));
+  laser.full_speed_rad_s = RadFromDeg(t.Number("full_speed_deg_s", {1, 1e5}));
+  laser.max_tilt_rad = RadFromDeg(t.Number("max_tilt_deg", {0.01, 60}));
+  laser.fan_rad = RadFromDeg(t.Number("fan_deg", {0.1, 170}));
+  laser.fwhm_mm = t.Number("fwhm_mm", {1e-3, 100});
+  laser.power_w = t.Number("power_w", {1e-9, 100});
+  const Vec3 response = t.Vector("response", {0, 1});
+  laser.response = {response.x, response.y, response.z};
+  if (!(response.x + response.y + response.z > 0)) t.Error("response", "no pixel sees the laser");
+  for (TomlTable m : t.Tables("mount")) {
+    LaserMount mount;
+    mount.name = m.String("name");
+    mount.theta_rad = RadFromDeg(m.Number("theta_deg", {0, 89}));
+    mount.distance_mm = m.Number("distance_mm", {1, 1e5});
+    // The sheet must meet the turntable's plane at every tilt.
+    if (mount.theta_rad + laser.max_tilt_rad > RadFromDeg(89)) {
+      m.Error("theta_deg", "with the laser's max_tilt_deg is above 89");
+    }
+    laser.mounts.push_back(mount);
+  }
+  if (laser.mounts.empty()) t.Error("", "at least one [[laser.mount]] is needed");
+  return laser;
+}
+
+void ReadLaserSection(TomlTable root, Rig& rig) {
+  if (root.Has("turntable")) {
+    TomlTable t = root.Table("turntable");
+    rig.turntable = Turntable{t.Number("radius_mm", {1, 1e4}), t.Number("albedo", {0, 1})};
+  }
+  if (!root.Has("laser")) return;
+  rig.laser = ReadLaser(root.Table("laser"), rig);
+  if (!rig.turntable) root.Error("", "a rig with a [laser] needs its [turntable]");
+  TomlTable lines = root.Table("lines");
+  rig.lines.laser_trigger = static_cast<int>(lines.Integer("laser_trigger", {0, 63}));
+  rig.lines.laser_on = static_cast<int>(lines.Integer("laser_on", {0, 63}));
+}
+
 void CheckUnique(TomlTable root, const Rig& rig) {
   Unique<std::string> axes, frames, lamps, cameras, serials;
   Unique<int> nodes, channels, lines;
@@ -160,6 +203,14 @@ void CheckUnique(TomlTable root, const Rig& rig) {
   lines.Add(line_table, "door", rig.lines.door);
   lines.Add(line_table, "reset", rig.lines.reset);
   size_t i = 0;
+  if (rig.laser) {
+    lines.Add(line_table, "laser_trigger", rig.lines.laser_trigger);
+    lines.Add(line_table, "laser_on", rig.lines.laser_on);
+    Unique<std::string> mounts;
+    TomlTable laser = root.Table("laser");
+    for (TomlTable t : laser.Tables("mount")) mounts.Add(t, "name", rig.laser->mounts[i++].name);
+    i = 0;
+  }
   for (TomlTable t : root.Tables("axis")) {
     axes.Add(t, "name", rig.axes[i].name);
     nodes.Add(t, "can_node", rig.axes[i++].can_node);
@@ -202,6 +253,7 @@ StatusOr<Rig> ParseRig(std::string_view text, std::string_view name) {
   rig.lines.estop = static_cast<int>(lines.Integer("estop", {0, 63}));
   rig.lines.door = static_cast<int>(lines.Integer("door", {0, 63}));
   rig.lines.reset = static_cast<int>(lines.Integer("reset", {0, 63}));
+  ReadLaserSection(root, rig);
   CheckUnique(root, rig);
   MESORIG_RETURN_IF_ERROR(file.Finish());
   rig.source_text = text;
