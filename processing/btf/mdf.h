@@ -47,17 +47,13 @@ class Mdf {
   MdfHeader& mutable_header() { return header_; }  // sizes and view count must not change
   // W*H values, row by row from the top. Distance in mm; confidence >= 0, and 0 where the distance
   // was filled in, not measured.
-  std::span<const float> Distance(int view) const { return Of(distance_, view); }
-  std::span<float> MutableDistance(int view) { return Of(distance_, view); }
-  std::span<const float> Confidence(int view) const { return Of(confidence_, view); }
-  std::span<float> MutableConfidence(int view) { return Of(confidence_, view); }
+  std::span<const float> Distance(int view) const { return {distance_.data() + Offset(view), header_.texel_count()}; }
+  std::span<float> MutableDistance(int view) { return {distance_.data() + Offset(view), header_.texel_count()}; }
+  std::span<const float> Confidence(int view) const { return {confidence_.data() + Offset(view), header_.texel_count()}; }
+  std::span<float> MutableConfidence(int view) { return {confidence_.data() + Offset(view), header_.texel_count()}; }
 
  private:
-  template <typename Values>
-  auto Of(Values& values, int view) const {
-    const size_t n = header_.texel_count();
-    return std::span(values.data() + static_cast<size_t>(view) * n, n);
-  }
+  size_t Offset(int view) const { return static_cast<size_t>(view) * header_.texel_count(); }
 
   MdfHeader header_;
   std::vector<float> distance_, confidence_;
