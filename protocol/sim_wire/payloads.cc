@@ -37,7 +37,9 @@ StatusOr<uint16_t> UnpackLineQuery(std::string_view bytes) {
   return line;
 }
 
-std::string Pack(const LineEdge& edge) { return ByteWriter().Put(edge.line).Put(edge.level).Take(); }
+std::string Pack(const LineEdge& edge) {
+  return ByteWriter().Put(edge.line).Put(edge.level).Take();
+}
 
 StatusOr<LineEdge> UnpackLineEdge(std::string_view bytes) {
   ByteReader in(bytes);
@@ -61,7 +63,8 @@ StatusOr<CameraAccess> UnpackCameraAccess(std::string_view bytes) {
   const auto reg = in.Get<uint16_t>();
   const auto write = in.Get<uint8_t>();
   const auto value = in.Get<double>();
-  if (!in.done() || reg < 1 || reg > 3 || write > 1) return Malformed("camera register");
+  if (!in.done() || reg < 1 || reg > static_cast<uint16_t>(kLastCameraRegister) || write > 1)
+    return Malformed("camera register");
   return CameraAccess{static_cast<CameraRegister>(reg), write == 1, value};
 }
 
@@ -74,7 +77,9 @@ StatusOr<double> UnpackRegisterValue(std::string_view bytes) {
   return value;
 }
 
-std::string Pack(const CameraTrigger& trigger) { return ByteWriter().Put(trigger.trigger_id).Take(); }
+std::string Pack(const CameraTrigger& trigger) {
+  return ByteWriter().Put(trigger.trigger_id).Take();
+}
 
 StatusOr<CameraTrigger> UnpackCameraTrigger(std::string_view bytes) {
   ByteReader in(bytes);

@@ -16,6 +16,9 @@ namespace mesorig::sim_wire {
 inline constexpr std::string_view kCanDevice = "can";
 inline constexpr std::string_view kLampsDevice = "lamps";  // commanded by Modbus TCP, not here
 inline constexpr std::string_view kLinesDevice = "lines";
+// The NXT brick's bulk endpoints: a command is one telegram to OUT 0x01, an output one from IN 0x82.
+// Only in rigs with a laser.
+inline constexpr std::string_view kNxtDevice = "nxt";
 std::string CameraDevice(std::string_view serial);
 
 // One classic CAN frame, 11-bit identifier. Commands are frames to the bus, outputs from it.
@@ -28,7 +31,8 @@ struct CanFrame {
 std::string Pack(const CanFrame& frame);
 StatusOr<CanFrame> UnpackCanFrame(std::string_view bytes);
 
-// Digital lines. Query with a line number (u16) is answered by its level (u8). Output: an edge.
+// Digital lines. Query with a line number (u16) is answered by its level (u8). Output: an edge of an
+// input. Command: a LineEdge sets an output line to a level.
 struct LineEdge {
   uint16_t line = 0;
   uint8_t level = 0;
@@ -38,8 +42,18 @@ StatusOr<uint16_t> UnpackLineQuery(std::string_view bytes);
 std::string Pack(const LineEdge& edge);
 StatusOr<LineEdge> UnpackLineEdge(std::string_view bytes);
 
-// Camera registers, written and read by query; values are doubles.
-enum class CameraRegister : uint16_t { kExposureS = 1, kGain = 2, kRepeatIndex = 3 };
+// Camera registers, written and read by query; values are doubles. The region is what the next
+// frames hold (Region of protocol/rig); width and height are written before x and y grow.
+enum class CameraRegister : uint16_t {
+  kExposureS = 1,
+  kGain = 2,
+  kRepeatIndex = 3,
+  kRegionX = 4,
+  kRegionY = 5,
+  kRegionWidth = 6,
+  kRegionHeight = 7,
+};
+inline constexpr CameraRegister kLastCameraRegister = CameraRegister::kRegionHeight;
 struct CameraAccess {
   CameraRegister reg{};
   bool write = false;
