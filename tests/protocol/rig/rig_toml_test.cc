@@ -101,6 +101,28 @@ TEST(RigToml, WorldCannotBeDefined) {
   EXPECT_THAT(ErrorOf(With("name = \"camera_arc\"", "name = \"world\"")), HasSubstr("world"));
 }
 
+TEST(RigToml, LaserIsRead) {
+  const Rig rig = ParseRig(DemoText(), "rig.toml").value();
+  ASSERT_TRUE(rig.laser);
+  EXPECT_NEAR(DegFromRad(rig.laser->backlash_rad), 30, 1e-9);
+  EXPECT_NEAR(DegFromRad(rig.laser->mounts.at(1).theta_rad), 35, 1e-9);
+  EXPECT_EQ(rig.lines.laser_trigger, 3);
+  EXPECT_EQ(rig.lines.laser_on, 4);
+  EXPECT_EQ(rig.turntable->radius_mm, 60);
+}
+
+TEST(RigToml, LaserMistakesAreNamed) {
+  EXPECT_THAT(ErrorOf(With("laser_on = 4", "laser_on = 3")), HasSubstr("laser_on"));
+  EXPECT_THAT(ErrorOf(With("laser_on = 4", "")), HasSubstr("laser_on"));
+  EXPECT_THAT(ErrorOf(With("name = \"slant\"", "name = \"zenith\"")), HasSubstr("zenith"));
+  EXPECT_THAT(ErrorOf(With("theta_deg = 35", "theta_deg = 85")), HasSubstr("max_tilt_deg"));
+  EXPECT_THAT(ErrorOf(With("response = [0.15, 1.0, 0.1]", "response = [0, 0, 0]")),
+              HasSubstr("response"));
+  EXPECT_THAT(ErrorOf(With("[turntable]\nradius_mm = 60\nalbedo = 0.3", "")),
+              HasSubstr("turntable"));
+  EXPECT_THAT(ErrorOf(With("motor_port = 0", "motor_port = 3")), HasSubstr("motor_port"));
+}
+
 TEST(RigToml, LimitsInOrder) {
   EXPECT_THAT(ErrorOf(With("min_deg = -10", "min_deg = 370")), HasSubstr("max_deg"));
   EXPECT_THAT(ErrorOf(With("min_exposure_s = 0.0001", "min_exposure_s = 0.6")),
