@@ -24,33 +24,48 @@ enum class StepKind : uint8_t {
   kMoveAxes = 1,  // all axes to axis_rad, waits until every one is there
   kLamp = 2,      // switches to `lamp` alone (-1: all off) and waits until its light is steady
   kShot = 3,      // one trigger of `cameras`, all with exposure_s
+  kMount = 4,     // the operator mounts the laser at `sweep.mount`; everything is off meanwhile
+  kSweep = 5,     // the laser sweeps; `cameras` are triggered sweep.frames times with exposure_s
+};
+
+// One sweep of the laser (docs/laser.md). Each of its triggers is a shot of its own.
+struct Sweep {
+  uint32_t index = 0;                         // 0-based, in order of running
+  int mount = -1;                             // index into Laser::mounts
+  double tilt_from_rad = 0, tilt_to_rad = 0;  // at the first and the last frame
+  uint32_t frames = 0;                        // triggers
+  double frame_rate_hz = 0;
+  bool keep_frames = true;      // false: raw frames go when their displacements are durable
+  std::vector<Region> regions;  // one per Step::cameras
 };
 
 struct Step {
   StepKind kind{};
   std::vector<double> axis_rad;  // kMoveAxes: one per Rig::axes
   int lamp = -1;                 // kLamp
-  uint32_t shot = 0;             // kShot: 0-based, in order of running
-  double exposure_s = 0;         // kShot
-  std::vector<int> cameras;      // kShot: indices into Rig::cameras, ascending
+  uint32_t shot = 0;             // kShot: 0-based, in order of running; kSweep: of its first frame
+  double exposure_s = 0;         // kShot, kSweep
+  std::vector<int> cameras;      // kShot, kSweep: indices into Rig::cameras, ascending
+  Sweep sweep;                   // kSweep; kMount: its mount
 };
 
 struct CompiledPlan {
   std::string name, sample_name;
   std::string rig_sha256;
+  double sample_extent_mm = 0;  // side of the sample's square footprint, centred; 0: not said
   Product product;
   std::vector<Step> steps;
   // Totals.
-  uint32_t shots = 0, frames = 0;
-  uint64_t frame_bytes = 0;   // pixels of all frames
-  double seconds = 0;         // estimate in rig time, homing excluded
+  uint32_t shots = 0, frames = 0, sweeps = 0, prompts = 0;
+  uint64_t frame_bytes = 0;  // pixels of all frames
+  double seconds = 0;        // estimate in rig time, homing and operator's time excluded
   double lamp_seconds = 0;
-  uint32_t frames_blocked = 0;  // left out: a solid stands in the camera's view or the lamp's beam
+  uint32_t frames_blocked = 0;  // left out: a solid stands in the camera's view or the light's beam
 };
 
 // Reads a plan file and compiles it for this rig. NotFound or InvalidArgument with
 // file:line:column: unknown keys, axis limits, unknown lamps and cameras, exposures that a camera
-// cannot do, a direction that nothing can see.
+// cannot do, sweeps beyond the laser's tilt, a direction that nothing can see.
 StatusOr<CompiledPlan> CompilePlanFile(const std::filesystem::path& path, const Rig& rig);
 StatusOr<CompiledPlan> CompilePlan(std::string_view text, std::string_view name, const Rig& rig);
 

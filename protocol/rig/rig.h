@@ -23,8 +23,8 @@ namespace mesorig {
 // A rotary axis behind a CiA 402 node.
 struct Axis {
   std::string name;
-  int can_node = 0;               // 1..127
-  double counts_per_turn = 0;     // encoder counts, position unit on the wire
+  int can_node = 0;                 // 1..127
+  double counts_per_turn = 0;       // encoder counts, position unit on the wire
   double min_rad = 0, max_rad = 0;  // soft limits: cable wrap
   double max_velocity_rad_s = 0;
   double acceleration_rad_s2 = 0;
@@ -33,9 +33,9 @@ struct Axis {
 
 struct Frame {
   std::string name;
-  int parent = -1;              // index into Rig::frames; -1 is the world
-  Vec3 translation_mm;          // origin of this frame in its parent
-  int axis = -1;                // index into Rig::axes; -1: fixed
+  int parent = -1;               // index into Rig::frames; -1 is the world
+  Vec3 translation_mm;           // origin of this frame in its parent
+  int axis = -1;                 // index into Rig::axes; -1: fixed
   Vec3 axis_direction{0, 0, 1};  // unit vector in the parent: turns counter-clockwise about it
 };
 
@@ -43,11 +43,11 @@ struct Frame {
 struct Lamp {
   std::string name;
   int frame = -1;
-  Vec3 p_in_frame;                            // mm
-  int channel = 0;                            // of the lamp bank
-  std::array<double, 3> intensity_w_sr{};     // radiant intensity at full level: red, green, blue
-  double rise_s = 0;                          // filament time constant
-  double settle_s = 0;                        // from command to steady light
+  Vec3 p_in_frame;                         // mm
+  int channel = 0;                         // of the lamp bank
+  std::array<double, 3> intensity_w_sr{};  // radiant intensity at full level: red, green, blue
+  double rise_s = 0;                       // filament time constant
+  double settle_s = 0;                     // from command to steady light
 };
 
 enum class BayerPattern { kMono, kRggb };
@@ -62,13 +62,13 @@ struct Camera {
   int width = 0, height = 0;
   double focal_px = 0, cx = 0, cy = 0;
   BayerPattern pattern = BayerPattern::kMono;
-  int bits = 12;                       // 8 or 12; 12 bits travel in two bytes, little-endian
-  int black_dn = 0;                    // code value without light
-  double full_well_e = 0;              // electrons at the largest code value (gain 1)
-  double read_noise_e = 0;             // standard deviation, electrons
-  double electrons_per_radiance_s = 0; // per W m^-2 sr^-1 and second, every channel
+  int bits = 12;                        // 8 or 12; 12 bits travel in two bytes, little-endian
+  int black_dn = 0;                     // code value without light
+  double full_well_e = 0;               // electrons at the largest code value (gain 1)
+  double read_noise_e = 0;              // standard deviation, electrons
+  double electrons_per_radiance_s = 0;  // per W m^-2 sr^-1 and second, every channel
   double min_exposure_s = 0, max_exposure_s = 0;
-  double readout_s = 0;                // from the end of exposure to the frame's delivery
+  double readout_s = 0;  // from the end of exposure to the frame's delivery
   int white_dn() const { return (1 << bits) - 1; }
   int bytes_per_pixel() const { return bits > 8 ? 2 : 1; }
   size_t frame_bytes() const {
@@ -95,37 +95,37 @@ struct Solid {
 // The disc that the sample lies on: z = 0 of the frame "sample", seen where the sample is not.
 struct Turntable {
   double radius_mm = 0;
-  double albedo = 0;            // diffuse, of every colour
+  double albedo = 0;  // diffuse, of every colour
 };
 
 // A place where the laser unit can be mounted by hand: on the laser's frame at azimuth 0.
 struct LaserMount {
   std::string name;
-  double theta_rad = 0;         // polar angle from the frame's +z
-  double distance_mm = 0;       // from the frame's origin to the emitter
+  double theta_rad = 0;    // polar angle from the frame's +z
+  double distance_mm = 0;  // from the frame's origin to the emitter
 };
 
-// A line laser whose emitter is tilted by a geared motor (docs/laser.md holds the geometry). At tilt
-// 0 the sheet passes through the frame's origin.
+// A line laser whose emitter is tilted by a geared motor (docs/laser.md holds the geometry). At
+// tilt 0 the sheet passes through the frame's origin.
 struct Laser {
   std::string name;
   int frame = -1;
-  std::vector<LaserMount> mounts;      // at least one
-  int motor_port = 0;                  // of the NXT brick: 0 is A
-  double gear_ratio = 1;               // turns of the motor for one turn of the emitter
-  double backlash_rad = 0;             // of the motor, at most
-  double full_speed_rad_s = 0;         // of the motor, regulated, at power 100
-  double max_tilt_rad = 0;             // to both sides
-  double fan_rad = 0;                  // full opening of the sheet
-  double fwhm_mm = 0;                  // thickness of the sheet, full width at half maximum
-  double power_w = 0;                  // spread evenly over the fan
-  std::array<double, 3> response{};    // of red, green and blue pixels to its light, 0..1
+  std::vector<LaserMount> mounts;    // at least one
+  int motor_port = 0;                // of the NXT brick: 0 is A
+  double gear_ratio = 1;             // turns of the motor for one turn of the emitter
+  double backlash_rad = 0;           // of the motor, at most
+  double full_speed_rad_s = 0;       // of the motor, regulated, at power 100
+  double max_tilt_rad = 0;           // to both sides
+  double fan_rad = 0;                // full opening of the sheet
+  double fwhm_mm = 0;                // thickness of the sheet, full width at half maximum
+  double power_w = 0;                // spread evenly over the fan
+  std::array<double, 3> response{};  // of red, green and blue pixels to its light, 0..1
 };
 
 // The lamp bank: Modbus coils switch, input registers read back (0..1000 per mille of full flux).
 struct LampBank {
-  int unit = 1;                 // Modbus unit id
-  double timeout_s = 0;         // communication-loss timeout: all lamps off
+  int unit = 1;          // Modbus unit id
+  double timeout_s = 0;  // communication-loss timeout: all lamps off
 };
 
 // Digital lines by number. Inputs are normally closed: level 1 is closed (good), 0 open. A rig

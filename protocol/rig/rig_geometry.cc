@@ -74,6 +74,31 @@ std::optional<ImagePoint> Project(const Camera& camera, Vec3 p) {
                     camera.focal_px * p.y / p.z + camera.cy};
 }
 
+std::optional<Region> RegionOfDisc(const Rig& rig, int camera, std::span<const double> axis_rad,
+                                   double radius_mm, double height_mm) {
+  constexpr int kPoints = 72;
+  const Camera& c = rig.cameras[camera];
+  const RigidTransform camera_from_sample = Inverse(SampleFromCamera(rig, camera, axis_rad));
+  double u0 = c.width, v0 = c.height, u1 = 0, v1 = 0;
+  for (int i = 0; i < 2 * kPoints; ++i) {
+    const double phi = 2 * kPi * (i % kPoints) / kPoints;
+    const Vec3 p{radius_mm * std::cos(phi), radius_mm * std::sin(phi), i < kPoints ? 0 : height_mm};
+    const auto seen = Project(c, camera_from_sample * p);
+    if (!seen) return std::nullopt;
+    u0 = std::min(u0, seen->u);
+    u1 = std::max(u1, seen->u);
+    v0 = std::min(v0, seen->v);
+    v1 = std::max(v1, seen->v);
+  }
+  const auto even = [](double at, int size) {
+    return static_cast<int>(std::clamp(at, 0.0, static_cast<double>(size))) / 2 * 2;
+  };
+  const int x = even(u0, c.width), y = even(v0, c.height);
+  const Region region{x, y, even(u1 + 2, c.width) - x, even(v1 + 2, c.height) - y};
+  if (region.width <= 0 || region.height <= 0) return std::nullopt;
+  return region;
+}
+
 Vec3 RayDirection(const Camera& camera, ImagePoint point) {
   return Normalized(
       {(point.u - camera.cx) / camera.focal_px, (point.v - camera.cy) / camera.focal_px, 1});

@@ -19,9 +19,9 @@ Vec3 LampInWorld(const Rig& rig, int lamp, std::span<const double> axis_rad);
 RigidTransform SampleFromCamera(const Rig& rig, int camera, std::span<const double> axis_rad);
 Vec3 LampInSample(const Rig& rig, int lamp, std::span<const double> axis_rad);
 
-// The laser's pencil of planes (docs/laser.md): every sheet contains the line through `source` along
-// `axis`; `forward` is the beam's middle at tilt 0. `axis` x `forward` is the sheet's normal at tilt
-// 0; positive tilt turns the beam away from the foot of the source. Unit vectors.
+// The laser's pencil of planes (docs/laser.md): every sheet contains the line through `source`
+// along `axis`; `forward` is the beam's middle at tilt 0. `axis` x `forward` is the sheet's normal
+// at tilt 0; positive tilt turns the beam away from the foot of the source. Unit vectors.
 struct LaserPose {
   Vec3 source, axis, forward;
 };
@@ -31,8 +31,8 @@ LaserPose LaserInSample(const Rig& rig, int mount, std::span<const double> axis_
 // Unit normal of the sheet at this tilt: Dot(normal, p - source) is the signed distance of p from
 // it, mm, positive ahead, where greater tilts go.
 Vec3 SheetNormal(const LaserPose& pose, double tilt_rad);
-// The tilt whose sheet passes through p, in (-pi, pi]; 0 for a point on the axis itself, which every
-// sheet contains.
+// The tilt whose sheet passes through p, in (-pi, pi]; 0 for a point on the axis itself, which
+// every sheet contains.
 double TiltOfPoint(const LaserPose& pose, Vec3 p);
 
 // Image coordinates (pixel centres at half-integers) of a point in the camera frame. Nothing for a
@@ -43,6 +43,12 @@ struct ImagePoint {
 std::optional<ImagePoint> Project(const Camera& camera, Vec3 p_in_camera);
 // Unit direction, in the camera frame, of the ray through (u, v).
 Vec3 RayDirection(const Camera& camera, ImagePoint point);
+
+// The pixels of a camera that see a disc of `radius_mm` around the sample frame's origin, on the
+// turntable and `height_mm` above it, within the sensor; even origin and size. Nothing when they
+// miss the sensor or part of the disc is behind the camera.
+std::optional<Region> RegionOfDisc(const Rig& rig, int camera, std::span<const double> axis_rad,
+                                   double radius_mm, double height_mm);
 
 // The name of a solid that stands between the sample's disc (radius Rig::sample_radius_mm around
 // its origin, parallel to its xy plane) and `p_in_world`, or nothing: the exact distance of the

@@ -106,8 +106,8 @@ Camera ReadCamera(TomlTable t, const Rig& rig) {
   camera.focal_px = t.Number("focal_px", {1, 1e6});
   camera.cx = t.NumberOr("cx_px", camera.width / 2.0, {-1e5, 1e5});
   camera.cy = t.NumberOr("cy_px", camera.height / 2.0, {-1e5, 1e5});
-  camera.pattern = t.Word("pattern", {"mono", "RGGB"}) == "RGGB" ? BayerPattern::kRggb
-                                                                 : BayerPattern::kMono;
+  camera.pattern =
+      t.Word("pattern", {"mono", "RGGB"}) == "RGGB" ? BayerPattern::kRggb : BayerPattern::kMono;
   camera.bits = static_cast<int>(t.Integer("bits", {8, 12}));
   if (camera.bits != 8 && camera.bits != 12) t.Error("bits", "permitted is 8 or 12");
   camera.black_dn = static_cast<int>(t.Integer("black_dn", {0, 1024}));
