@@ -4,10 +4,12 @@
 #include <chrono>
 #include <nlohmann/json.hpp>
 
+#include "processing/app/mdf_commands.h"
 #include "processing/app/png_file.h"
 #include "processing/app/progress_bar.h"
 #include "processing/btf/btf_file.h"
 #include "processing/btf/errors.h"
+#include "processing/btf/file_kind.h"
 #include "processing/exchange/importer.h"
 #include "processing/report/errors_by_angle.h"
 
@@ -98,6 +100,8 @@ double AutomaticExposure(std::span<const float> image) {
 }  // namespace
 
 Status Info(const std::filesystem::path& file, bool as_json) {
+  MESORIG_ASSIGN_OR_RETURN(const btf::FileKind kind, btf::ReadFileKind(file));
+  if (kind == btf::FileKind::kMdf) return MdfInfo(file, as_json);
   MESORIG_ASSIGN_OR_RETURN(const btf::BtfFileInfo info, btf::ReadBtfInfo(file));
   if (as_json) {
     Print(InfoJson(info));

@@ -11,6 +11,7 @@
 
 namespace mesorig::processing {
 
+// Of a BTF or an MDF.
 Status Info(const std::filesystem::path& file, bool json);
 
 Status Import(const std::filesystem::path& from, const std::string& format,

@@ -61,8 +61,8 @@ CLI::App* AddCommand(CLI::App& app, const char* name, const char* text, Argument
 }
 
 void AddCommands(CLI::App& app, Arguments& a) {
-  CLI::App* info = AddCommand(app, "info", "what a BTF file holds", a);
-  info->add_option("file", a.from, "*.btf.exr")->required();
+  CLI::App* info = AddCommand(app, "info", "what a BTF or MDF file holds", a);
+  info->add_option("file", a.from, "*.btf.exr or *.mdf.exr")->required();
 
   CLI::App* import = AddCommand(app, "import", "a foreign format to a BTF file", a);
   import->add_option("from", a.from, "folder or file to read")->required();

@@ -1,7 +1,5 @@
 #include "processing/btf/btf_file.h"
 
-#include <unistd.h>
-
 #include <Imath/half.h>
 #include <OpenEXR/ImfChannelList.h>
 
@@ -10,6 +8,7 @@
 #include <functional>
 
 #include "processing/btf/btf_attributes.h"
+#include "processing/btf/exr_attributes.h"
 #include "processing/btf/exr_file.h"
 
 namespace mesorig::btf {
@@ -17,19 +16,7 @@ namespace {
 
 constexpr std::array<const char*, 3> kRgb = {"R", "G", "B"};
 
-std::string ViewPart(int view) { return fmt::format("V{:03}", view); }
 std::string LightChannel(int light, size_t rgb) { return fmt::format("L{:03}.{}", light, kRgb[rgb]); }
-
-// Refused before it is allocated: a file of a few bytes can claim any size.
-Status CheckMemory(double bytes, const std::string& file) {
-  const double there = static_cast<double>(::sysconf(_SC_PHYS_PAGES)) *
-                       static_cast<double>(::sysconf(_SC_PAGESIZE));
-  if (bytes > there) {
-    return InvalidArgument("{}: needs {:.1f} GB of memory, this machine has {:.1f} GB", file,
-                           bytes * 1e-9, there * 1e-9);
-  }
-  return OkStatus();
-}
 
 // Part 0 of `reader`, mask included.
 StatusOr<BtfFileInfo> ReadInfo(const ExrReader& reader) {
@@ -49,17 +36,6 @@ StatusOr<BtfFileInfo> ReadInfo(const ExrReader& reader) {
                    [](float m) { return static_cast<uint8_t>(m > 0.5f ? 1 : 0); });
   }
   return info;
-}
-
-// Part names must be unique for codecs to find their factors.
-StatusOr<std::map<std::string, int>> PartsByName(const ExrReader& reader) {
-  std::map<std::string, int> parts;
-  for (int part = 1; part < reader.part_count(); ++part) {
-    if (!parts.emplace(reader.PartName(part), part).second) {
-      return InvalidArgument("{}: part {} has the name of another", reader.name(), part);
-    }
-  }
-  return parts;
 }
 
 float LargestMagnitude(const SampledBtf& btf) {
@@ -107,8 +83,8 @@ PartToWrite PreviewPart(const BtfFileInfo& info) {
   part.name = "preview";
   part.width = info.header.width;
   part.height = info.header.height;
-  part.channels = {"R", "G", "B"};
-  if (!info.header.mask.empty()) part.channels.push_back("mask");
+  part.channels = {{"R"}, {"G"}, {"B"}};
+  if (!info.header.mask.empty()) part.channels.push_back({"mask"});
   PutAttributes(info, part.header);
   return part;
 }
@@ -193,7 +169,7 @@ Status WriteSampledBtf(const SampledBtf& btf, const std::filesystem::path& path)
     part.width = info.header.width;
     part.height = info.header.height;
     for (const int l : lights) {
-      for (size_t c = 0; c < 3; ++c) part.channels.push_back(LightChannel(l, c));
+      for (size_t c = 0; c < 3; ++c) part.channels.push_back({LightChannel(l, c)});
     }
     parts.push_back(std::move(part));
     views.emplace_back(v, lights);
@@ -219,7 +195,7 @@ StatusOr<SampledBtf> ReadSampledBtf(const std::filesystem::path& path) {
     return InvalidArgument("{}: is compressed by codec {}, an uncompressed BTF is expected",
                            path.string(), info.codec);
   }
-  MESORIG_ASSIGN_OR_RETURN(const auto parts, PartsByName(reader));
+  MESORIG_ASSIGN_OR_RETURN(const auto parts, reader.PartsByName());
   MESORIG_RETURN_IF_ERROR(CheckDenseMemory(info.header, path));
   SampledBtf btf(info.header);
   for (int v = 0; v < info.header.view_count(); ++v) {
@@ -260,8 +236,7 @@ Status WriteCodedBtf(const BtfFileInfo& info, const std::vector<Plane>& planes,
     part.name = plane.name;
     part.width = plane.width;
     part.height = plane.height;
-    part.half = plane.half;
-    part.channels = plane.channels;
+    for (const std::string& channel : plane.channels) part.channels.push_back({channel, plane.half});
     parts.push_back(std::move(part));
   }
   const FillChannel fill_preview = PreviewFill(info, preview);
@@ -310,7 +285,7 @@ StatusOr<CodedBtf> ReadCodedBtf(const std::filesystem::path& path) {
   MESORIG_ASSIGN_OR_RETURN(const ExrReader reader, ExrReader::Open(path));
   CodedBtf coded;
   MESORIG_ASSIGN_OR_RETURN(coded.info, ReadInfo(reader));
-  MESORIG_ASSIGN_OR_RETURN(const auto parts, PartsByName(reader));
+  MESORIG_ASSIGN_OR_RETURN(const auto parts, reader.PartsByName());
   for (const auto& [name, part] : parts) {
     MESORIG_ASSIGN_OR_RETURN(Plane plane, ReadPlane(reader, part));
     coded.planes.emplace(name, std::move(plane));

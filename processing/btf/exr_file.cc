@@ -7,6 +7,7 @@
 #include <OpenEXR/ImfOutputPart.h>
 #include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfThreading.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -60,10 +61,9 @@ constexpr Imf::PixelType kPixelType = std::is_same_v<T, float> ? Imf::FLOAT : Im
 
 template <typename T>
 void Insert(Imf::FrameBuffer& buffer, const Slice<T>& slice) {
-  buffer.insert(slice.channel,
-                Imf::Slice(kPixelType<T>, reinterpret_cast<char*>(slice.first),
-                           static_cast<size_t>(slice.x_stride) * sizeof(T),
-                           static_cast<size_t>(slice.y_stride) * sizeof(T)));
+  buffer.insert(slice.channel, Imf::Slice(kPixelType<T>, reinterpret_cast<char*>(slice.first),
+                                          static_cast<size_t>(slice.x_stride) * sizeof(T),
+                                          static_cast<size_t>(slice.y_stride) * sizeof(T)));
 }
 
 }  // namespace
@@ -76,8 +76,8 @@ StatusOr<ExrReader> ExrReader::Open(const std::filesystem::path& path) {
   std::error_code error;
   reader.file_bytes_ = std::filesystem::file_size(path, error);
   MESORIG_RETURN_IF_ERROR(GuardedRead(reader.name_, [&] {
-    reader.file_ = std::make_unique<Imf::MultiPartInputFile>(
-        path.c_str(), Imf::globalThreadCount(), /*reconstructChunkOffsetTable=*/false);
+    reader.file_ = std::make_unique<Imf::MultiPartInputFile>(path.c_str(), Imf::globalThreadCount(),
+                                                             /*reconstructChunkOffsetTable=*/false);
     return OkStatus();
   }));
   return reader;
@@ -85,6 +85,26 @@ StatusOr<ExrReader> ExrReader::Open(const std::filesystem::path& path) {
 
 std::string ExrReader::PartName(int part) const {
   return header(part).hasName() ? header(part).name() : std::string();
+}
+
+StatusOr<std::map<std::string, int>> ExrReader::PartsByName() const {
+  std::map<std::string, int> parts;
+  for (int part = 1; part < part_count(); ++part) {
+    if (!parts.emplace(PartName(part), part).second) {
+      return InvalidArgument("{}: part {} has the name of another", name_, part);
+    }
+  }
+  return parts;
+}
+
+Status CheckMemory(double bytes, const std::string& file) {
+  const double there =
+      static_cast<double>(::sysconf(_SC_PHYS_PAGES)) * static_cast<double>(::sysconf(_SC_PAGESIZE));
+  if (bytes > there) {
+    return InvalidArgument("{}: needs {:.1f} GB of memory, this machine has {:.1f} GB", file,
+                           bytes * 1e-9, there * 1e-9);
+  }
+  return OkStatus();
 }
 
 Status ExrReader::PartSize(int part, int& width, int& height) const {
@@ -145,32 +165,42 @@ Imf::Header FinishedHeader(const PartToWrite& part, int display_width, int displ
   h.compression() = Imf::ZIPS_COMPRESSION;
   h.setName(part.name);
   h.setType(Imf::SCANLINEIMAGE);
-  for (const std::string& channel : part.channels) {
-    h.channels().insert(channel, Imf::Channel(part.half ? Imf::HALF : Imf::FLOAT));
+  for (const ChannelToWrite& channel : part.channels) {
+    h.channels().insert(channel.name, Imf::Channel(channel.half ? Imf::HALF : Imf::FLOAT));
   }
   return h;
 }
 
-// Converts one part's channels, each a plane behind the other, and writes it.
+// `values` as T in `storage`, for the channel of `buffer`.
 template <typename T>
+Status Convert(const PartToWrite& part, const std::string& channel,
+               const std::vector<float>& values, std::vector<char>& storage,
+               Imf::FrameBuffer& buffer) {
+  storage.resize(values.size() * sizeof(T));
+  T* const first = reinterpret_cast<T*>(storage.data());
+  for (size_t i = 0; i < values.size(); ++i) {
+    first[i] = T(values[i]);
+    if (!std::isfinite(static_cast<float>(first[i]))) {
+      return InvalidArgument("part {} channel {} texel {}: {} cannot be stored", part.name, channel,
+                             i, values[i]);
+    }
+  }
+  Insert(buffer, Slice<T>{channel, first, 1, part.width});
+  return OkStatus();
+}
+
 Status WritePart(Imf::MultiPartOutputFile& file, size_t index, const PartToWrite& part,
                  const FillChannel& fill) {
   const size_t texels = static_cast<size_t>(part.width) * static_cast<size_t>(part.height);
-  std::vector<T> pixels(texels * part.channels.size());
+  std::vector<std::vector<char>> pixels(part.channels.size());
   std::vector<float> values;
   Imf::FrameBuffer buffer;
   for (size_t c = 0; c < part.channels.size(); ++c) {
+    const auto& [name, half] = part.channels[c];
     values.assign(texels, 0.0f);
     fill(index, c, values);
-    T* const first = pixels.data() + c * texels;
-    for (size_t i = 0; i < texels; ++i) {
-      first[i] = T(values[i]);
-      if (!std::isfinite(static_cast<float>(first[i]))) {
-        return InvalidArgument("part {} channel {} texel {}: {} cannot be stored", part.name,
-                               part.channels[c], i, values[i]);
-      }
-    }
-    Insert(buffer, Slice<T>{part.channels[c], first, 1, part.width});
+    MESORIG_RETURN_IF_ERROR(half ? Convert<Imath::half>(part, name, values, pixels[c], buffer)
+                                 : Convert<float>(part, name, values, pixels[c], buffer));
   }
   Imf::OutputPart output(file, static_cast<int>(index));
   output.setFrameBuffer(buffer);
@@ -187,8 +217,7 @@ Status WriteParts(const std::filesystem::path& path, int display_width, int disp
   Imf::MultiPartOutputFile file(path.c_str(), headers.data(), static_cast<int>(headers.size()),
                                 /*overrideSharedAttributes=*/false, Imf::globalThreadCount());
   for (size_t i = 0; i < parts.size(); ++i) {
-    MESORIG_RETURN_IF_ERROR(parts[i].half ? WritePart<Imath::half>(file, i, parts[i], fill)
-                                          : WritePart<float>(file, i, parts[i], fill));
+    MESORIG_RETURN_IF_ERROR(WritePart(file, i, parts[i], fill));
   }
   return OkStatus();
 }

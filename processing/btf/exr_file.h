@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -32,6 +33,8 @@ class ExrReader {
   const Imf::Header& header(int part) const { return file_->header(part); }
   // "" when the part has none.
   std::string PartName(int part) const;
+  // All parts but part 0. InvalidArgument when two have one name.
+  StatusOr<std::map<std::string, int>> PartsByName() const;
   uint64_t file_bytes() const { return file_bytes_; }
   const std::string& name() const { return name_; }
   // Width and height; InvalidArgument when the part is one that no BTF file has: origin not (0, 0),
@@ -47,13 +50,20 @@ class ExrReader {
   std::unique_ptr<Imf::MultiPartInputFile> file_;
 };
 
+// InvalidArgument when this machine does not have so many bytes of memory: asked before anything is
+// allocated, since a file of a few bytes can claim any size.
+Status CheckMemory(double bytes, const std::string& file);
+
 // A part to be written. `header` has its attributes; channels, compression, name and type are set
 // from what follows.
+struct ChannelToWrite {
+  std::string name;
+  bool half = true;  // else float
+};
 struct PartToWrite {
   std::string name;
   int width = 0, height = 0;
-  bool half = true;
-  std::vector<std::string> channels;
+  std::vector<ChannelToWrite> channels;
   Imf::Header header;
 };
 // All parts share `display_width` x `display_height`. `fill(part, channel, values)` provides the

@@ -15,11 +15,11 @@
 namespace mesorig::btf {
 
 struct MdfHeader {
-  int width = 0, height = 0;           // texels
-  double pitch_mm = 0;                 // texel spacing on the reference plane, > 0
-  double h_ref_mm = 0;                 // height of the reference plane in the sample frame
-  std::vector<Vec3> views;             // unit vectors, unique, z > 0: D is along these
-  std::vector<Vec3> view_positions_mm; // where the camera stood, sample frame; may be empty
+  int width = 0, height = 0;            // texels
+  double pitch_mm = 0;                  // texel spacing on the reference plane, > 0
+  double h_ref_mm = 0;                  // height of the reference plane in the sample frame
+  std::vector<Vec3> views;              // unit vectors, unique, z > 0: D is along these
+  std::vector<Vec3> view_positions_mm;  // where the camera stood, sample frame; may be empty
   bool calibrated = true;
   std::string provenance_json = "{}";
 
@@ -32,8 +32,8 @@ struct MdfHeader {
 };
 
 // InvalidArgument unless sizes are positive and bounded (as CheckHeader of a BTF), pitch and h_ref
-// finite and positive, directions finite unit vectors that look up (z >= 0.01) and unique, positions
-// finite and as many as views, or none.
+// finite and positive, directions finite unit vectors that look up (z >= 0.01) and unique,
+// positions finite and as many as views, or none.
 Status CheckMdfHeader(const MdfHeader& header);
 
 // Dense float storage [view][texel]. Movable, copyable; const access is reentrant.
@@ -47,10 +47,18 @@ class Mdf {
   MdfHeader& mutable_header() { return header_; }  // sizes and view count must not change
   // W*H values, row by row from the top. Distance in mm; confidence >= 0, and 0 where the distance
   // was filled in, not measured.
-  std::span<const float> Distance(int view) const { return {distance_.data() + Offset(view), header_.texel_count()}; }
-  std::span<float> MutableDistance(int view) { return {distance_.data() + Offset(view), header_.texel_count()}; }
-  std::span<const float> Confidence(int view) const { return {confidence_.data() + Offset(view), header_.texel_count()}; }
-  std::span<float> MutableConfidence(int view) { return {confidence_.data() + Offset(view), header_.texel_count()}; }
+  std::span<const float> Distance(int view) const {
+    return {distance_.data() + Offset(view), header_.texel_count()};
+  }
+  std::span<float> MutableDistance(int view) {
+    return {distance_.data() + Offset(view), header_.texel_count()};
+  }
+  std::span<const float> Confidence(int view) const {
+    return {confidence_.data() + Offset(view), header_.texel_count()};
+  }
+  std::span<float> MutableConfidence(int view) {
+    return {confidence_.data() + Offset(view), header_.texel_count()};
+  }
 
  private:
   size_t Offset(int view) const { return static_cast<size_t>(view) * header_.texel_count(); }

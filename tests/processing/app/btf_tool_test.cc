@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "processing/btf/btf_file.h"
+#include "processing/btf/mdf_file.h"
 #include "protocol/base/file_writer.h"
 #include "tests/processing/btf/synthetic.h"
 
@@ -52,6 +53,19 @@ TEST_F(BtfTool, Info) {
   const auto json = nlohmann::json::parse(Tool("info --json " + Path("a.btf.exr")).text);
   EXPECT_EQ(json["codec"], "raw");
   EXPECT_EQ(json["uncompressed_bytes"], 169 * 16 * 12 * 6);
+}
+
+TEST_F(BtfTool, InfoOfAnMdf) {
+  btf::MdfHeader header;
+  header.width = 16, header.height = 12, header.pitch_mm = 0.5, header.h_ref_mm = 3;
+  header.views = RingDirections(2, 6, 60);
+  ASSERT_TRUE(btf::WriteMdf(btf::Mdf(header), folder_ / "a.mdf.exr").ok());
+  const Output text = Tool("info " + Path("a.mdf.exr"));
+  EXPECT_EQ(text.exit, 0);
+  EXPECT_THAT(text.text, HasSubstr("reference plane at 3 mm, 13 views"));
+  const auto json = nlohmann::json::parse(Tool("info --json " + Path("a.mdf.exr")).text);
+  EXPECT_EQ(json["kind"], "mdf");
+  EXPECT_EQ(json["views"].size(), 13u);
 }
 
 TEST_F(BtfTool, CompressThenCompareSaysTheSame) {

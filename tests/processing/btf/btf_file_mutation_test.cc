@@ -2,20 +2,14 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
-#include <random>
-
 #include "processing/btf/btf_file.h"
+#include "processing/btf/file_kind.h"
+#include "processing/btf/mdf_file.h"
 #include "protocol/base/file_writer.h"
-#include "tests/processing/btf/synthetic.h"
+#include "tests/processing/btf/mutations.h"
 
 namespace mesorig::btf {
 namespace {
-
-void WriteBytes(const std::filesystem::path& path, std::string_view bytes) {
-  std::ofstream(path, std::ios::binary | std::ios::trunc)
-      .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-}
 
 // What was read holds together, or the refusal says why.
 template <typename T>
@@ -45,64 +39,76 @@ std::string ValidFile(const TemporaryFolder& folder) {
 }
 
 TEST(BtfFileMutation, BytesChanged) {
-  TemporaryFolder folder;
-  const std::string valid = ValidFile(folder);
-  std::mt19937 random(1);
-  constexpr char kNasty[] = {0, 1, -1, 127, -128, 'A', 0x10, 0x40};
-  for (int i = 0; i < 4000; ++i) {
-    std::string bytes = valid;
-    const size_t changes = 1 + random() % 4;
-    for (size_t k = 0; k < changes; ++k) {
-      // Two thirds of them in the headers, which the library trusts most.
-      const size_t range = random() % 3 != 0 ? std::min<size_t>(bytes.size(), 2500) : bytes.size();
-      bytes[random() % range] = random() % 2 != 0 ? kNasty[random() % sizeof(kNasty)]
-                                                  : static_cast<char>(random());
-    }
-    WriteBytes(folder / "bad", bytes);
-    ExpectEveryReadWholeOrRefused(folder / "bad");
-  }
+  MutateBytes(ValidFile(TemporaryFolder()), ExpectEveryReadWholeOrRefused);
 }
 
 TEST(BtfFileMutation, LengthsChanged) {
-  TemporaryFolder folder;
-  const std::string valid = ValidFile(folder);
-  std::mt19937 random(2);
-  constexpr uint32_t kLengths[] = {0, 1, 0x7fffffff, 0x80000000, 0xffffffff, 0x10000000, 65536};
-  for (int i = 0; i < 2000; ++i) {
-    std::string bytes = valid;
-    const uint32_t length = kLengths[random() % std::size(kLengths)];
-    std::memcpy(bytes.data() + random() % std::min<size_t>(bytes.size() - 4, 4000), &length, 4);
-    WriteBytes(folder / "bad", bytes);
-    ExpectEveryReadWholeOrRefused(folder / "bad");
-  }
+  MutateLengths(ValidFile(TemporaryFolder()), ExpectEveryReadWholeOrRefused);
 }
 
 TEST(BtfFileMutation, Truncated) {
-  TemporaryFolder folder;
-  const std::string valid = ValidFile(folder);
-  const size_t step = std::max<size_t>(1, valid.size() / 1000);
-  for (size_t n = 0; n < valid.size(); n += step) {
-    WriteBytes(folder / "bad", std::string_view(valid).substr(0, n));
-    ExpectEveryReadWholeOrRefused(folder / "bad");
-    EXPECT_FALSE(ReadSampledBtf(folder / "bad").ok()) << n << " of " << valid.size() << " bytes";
-  }
+  Truncate(ValidFile(TemporaryFolder()), [](const std::filesystem::path& path) {
+    ExpectEveryReadWholeOrRefused(path);
+    EXPECT_FALSE(ReadSampledBtf(path).ok());
+  });
 }
 
 TEST(BtfFileMutation, PiecesMovedAndRepeated) {
-  TemporaryFolder folder;
-  const std::string valid = ValidFile(folder);
-  std::mt19937 random(3);
-  for (int i = 0; i < 1000; ++i) {
-    std::string bytes = valid;
-    const size_t at = random() % bytes.size(), n = random() % 64;
-    if (random() % 2 != 0) {
-      bytes.erase(at, n);
-    } else {
-      bytes.insert(random() % bytes.size(), bytes.substr(at, n));
-    }
-    WriteBytes(folder / "bad", bytes);
-    ExpectEveryReadWholeOrRefused(folder / "bad");
+  MovePieces(ValidFile(TemporaryFolder()), ExpectEveryReadWholeOrRefused);
+}
+
+std::string ValidMdfFile(const TemporaryFolder& folder) {
+  MdfHeader header;
+  header.width = 6, header.height = 4;
+  header.pitch_mm = 0.5, header.h_ref_mm = 3;
+  header.views = RingDirections(1, 3, 40);
+  for (const Vec3& v : header.views) header.view_positions_mm.push_back(500 * v);
+  Mdf mdf(header);
+  for (int v = 0; v < header.view_count(); ++v) {
+    for (float& d : mdf.MutableDistance(v)) d = 1.0f + static_cast<float>(v);
+    for (float& c : mdf.MutableConfidence(v)) c = 0.5f;
   }
+  EXPECT_TRUE(WriteMdf(mdf, folder / "valid").ok());
+  return *ReadFile(folder / "valid");
+}
+
+void ExpectMdfWholeOrRefused(const std::filesystem::path& path) {
+  const auto kind = ReadFileKind(path);
+  EXPECT_EQ(kind.ok(), Message(kind.status()).empty());
+  const auto info = ReadMdfInfo(path);
+  if (info.ok()) {
+    EXPECT_TRUE(CheckMdfHeader(info->header).ok());
+  } else {
+    EXPECT_FALSE(Message(info.status()).empty());
+  }
+  const auto mdf = ReadMdf(path);
+  if (!mdf.ok()) {
+    EXPECT_FALSE(Message(mdf.status()).empty());
+    return;
+  }
+  for (int v = 0; v < mdf->header().view_count(); ++v) {
+    for (const float d : mdf->Distance(v)) ASSERT_TRUE(std::isfinite(d) && d >= 0);
+    for (const float c : mdf->Confidence(v)) ASSERT_TRUE(std::isfinite(c) && c >= 0);
+  }
+}
+
+TEST(MdfFileMutation, BytesChanged) {
+  MutateBytes(ValidMdfFile(TemporaryFolder()), ExpectMdfWholeOrRefused);
+}
+
+TEST(MdfFileMutation, LengthsChanged) {
+  MutateLengths(ValidMdfFile(TemporaryFolder()), ExpectMdfWholeOrRefused);
+}
+
+TEST(MdfFileMutation, Truncated) {
+  Truncate(ValidMdfFile(TemporaryFolder()), [](const std::filesystem::path& path) {
+    ExpectMdfWholeOrRefused(path);
+    EXPECT_FALSE(ReadMdf(path).ok());
+  });
+}
+
+TEST(MdfFileMutation, PiecesMovedAndRepeated) {
+  MovePieces(ValidMdfFile(TemporaryFolder()), ExpectMdfWholeOrRefused);
 }
 
 }  // namespace
