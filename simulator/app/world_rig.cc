@@ -41,7 +41,12 @@ ImageSource::Scene WorldRig::Observe(RigTime from, RigTime to) {
 
 StatusOr<std::vector<float>> WorldRig::ExpectedElectrons(int camera, const Scene& scene,
                                                          double exposure_s) {
-  return images_.ExpectedElectrons(camera, {scene.axis_rad, scene.lamp_level}, exposure_s);
+  return images_.ExpectedElectrons(
+      camera,
+      {scene.axis_rad,
+       scene.lamp_level,
+       {scene.laser_mount, scene.laser_level, scene.laser_tilt_rad}},
+      exposure_s, scene.region);
 }
 
 }  // namespace mesorig::simulator

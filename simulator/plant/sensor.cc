@@ -1,7 +1,9 @@
 #include "simulator/plant/sensor.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
 
 #include "protocol/base/bytes.h"
 #include "protocol/base/digest.h"
@@ -18,6 +20,7 @@ std::array<uint32_t, 4> WordsOf(const NoiseKey& key) {
   for (int64_t counts : key.axis_counts) bytes.Put(counts);
   bytes.Put(static_cast<uint32_t>(key.lamp_levels.size()));
   for (double level : key.lamp_levels) bytes.Put(level + 0.0);  // -0 is 0
+  bytes.Put(key.laser_level + 0.0).Put(key.laser_tilt_rad + 0.0);
   bytes.Put(key.exposure_us).Put(key.gain).Put(key.repeat_index);
   const std::string digest = FrameDigest(bytes.bytes());
   std::array<uint32_t, 4> words{};
@@ -27,41 +30,90 @@ std::array<uint32_t, 4> WordsOf(const NoiseKey& key) {
   return words;
 }
 
-}  // namespace
+// Read noise: four neighbours of the sensor share one block of random words. The first word of its
+// counter is one that no pixel's own stream reaches.
+constexpr uint32_t kReadNoiseBlock = 0xFFFFFFFF;
 
-StatusOr<std::string> ReadOut(const Camera& camera, std::span<const float> expected_e,
-                              const NoiseKey& key) {
-  const size_t pixels = static_cast<size_t>(camera.width) * static_cast<size_t>(camera.height);
-  if (expected_e.size() != pixels) {
-    return InvalidArgument("{}: {} expected electrons for {} pixels", camera.name,
-                           expected_e.size(), pixels);
+// Two normal numbers from two random words (Box-Muller). The radius is finite: u > 0.
+void NormalPair(uint32_t a, uint32_t b, float* out) {
+  const float u = (static_cast<float>(a >> 8) + 0.5f) * 0x1p-24f;
+  const float angle = static_cast<float>(b) * (2 * std::numbers::pi_v<float> * 0x1p-32f);
+  const float radius = std::sqrt(-2 * std::log(u));
+  out[0] = radius * std::cos(angle);
+  out[1] = radius * std::sin(angle);
+}
+
+// The normal numbers of sensor pixels first, first + 1, ... (index y * width + x).
+class ReadNoise {
+ public:
+  explicit ReadNoise(const std::array<uint32_t, 4>& words) : words_(words) {}
+  float At(uint32_t pixel) {
+    if (pixel / 4 != group_) {
+      group_ = pixel / 4;
+      const PhiloxCounter block = Philox4x32({kReadNoiseBlock, group_, words_[2], words_[3]},
+                                             {words_[0], words_[1]});
+      NormalPair(block[0], block[1], normal_.data());
+      NormalPair(block[2], block[3], normal_.data() + 2);
+    }
+    return normal_[pixel % 4];
+  }
+
+ private:
+  const std::array<uint32_t, 4> words_;
+  uint32_t group_ = 0xFFFFFFFF;  // none
+  std::array<float, 4> normal_{};
+};
+
+Status Check(const Camera& camera, const Region& region, std::span<const float> expected_e,
+             const NoiseKey& key) {
+  if (region.x < 0 || region.y < 0 || region.width <= 0 || region.height <= 0 ||
+      region.width > camera.width - region.x || region.height > camera.height - region.y) {
+    return InvalidArgument("{}: a region of {} x {} at ({}, {}) is not within {} x {}", camera.name,
+                           region.width, region.height, region.x, region.y, camera.width,
+                           camera.height);
+  }
+  if (expected_e.size() != static_cast<size_t>(region.width) * static_cast<size_t>(region.height)) {
+    return InvalidArgument("{}: {} expected electrons for {} x {} pixels", camera.name,
+                           expected_e.size(), region.width, region.height);
   }
   if (!(key.gain > 0 && key.gain <= 1000)) {
     return InvalidArgument("{}: gain {} is not in (0, 1000]", camera.name, key.gain);
   }
+  return OkStatus();
+}
+
+}  // namespace
+
+StatusOr<std::string> ReadOut(const Camera& camera, const Region& region,
+                              std::span<const float> expected_e, const NoiseKey& key) {
+  MESORIG_RETURN_IF_ERROR(Check(camera, region, expected_e, key));
   const auto words = WordsOf(key);
+  ReadNoise read_noise(words);
   const double white = camera.white_dn();
   const double dn_per_e = key.gain * (white - camera.black_dn) / camera.full_well_e;
-  std::string bytes(camera.frame_bytes(), '\0');
-  for (size_t i = 0; i < pixels; ++i) {
-    const double expected = expected_e[i];
-    if (!(expected >= 0 && std::isfinite(expected))) {
-      return InvalidArgument("{}: pixel {} expects {} electrons", camera.name, i, expected);
-    }
-    PhiloxStream random({words[0], words[1]}, static_cast<uint32_t>(i), words[2], words[3]);
-    // A pixel far beyond its well is full whatever its noise; the cut bounds the arithmetic.
-    const double mean = std::min(expected, 4 * camera.full_well_e + 1000);
-    const double electrons =
-        std::min(static_cast<double>(random.Poisson(mean)), camera.full_well_e) +
-        camera.read_noise_e * random.Gaussian();
-    const double code =
-        std::clamp(std::floor(camera.black_dn + dn_per_e * electrons + 0.5), 0.0, white);
-    const auto dn = static_cast<uint16_t>(code);
-    if (camera.bytes_per_pixel() == 1) {
-      bytes[i] = static_cast<char>(dn);
-    } else {
-      bytes[2 * i] = static_cast<char>(dn & 0xff);
-      bytes[2 * i + 1] = static_cast<char>(dn >> 8);
+  const int bytes_per_pixel = camera.bytes_per_pixel();
+  std::string bytes(expected_e.size() * static_cast<size_t>(bytes_per_pixel), '\0');
+  char* out = bytes.data();
+  size_t i = 0;
+  for (int y = region.y; y < region.y + region.height; ++y) {
+    for (int x = region.x; x < region.x + region.width; ++x, ++i) {
+      const double expected = expected_e[i];
+      if (!(expected >= 0 && std::isfinite(expected))) {
+        return InvalidArgument("{}: pixel {} expects {} electrons", camera.name, i, expected);
+      }
+      const auto pixel = static_cast<uint32_t>(y * camera.width + x);
+      double electrons = camera.read_noise_e * read_noise.At(pixel);
+      if (expected > 0) {
+        PhiloxStream random({words[0], words[1]}, pixel, words[2], words[3]);
+        // A pixel far beyond its well is full whatever its noise; the cut bounds the arithmetic.
+        const double mean = std::min(expected, 4 * camera.full_well_e + 1000);
+        electrons += std::min(static_cast<double>(random.Poisson(mean)), camera.full_well_e);
+      }
+      const double code =
+          std::clamp(std::floor(camera.black_dn + dn_per_e * electrons + 0.5), 0.0, white);
+      const auto dn = static_cast<uint16_t>(code);
+      *out++ = static_cast<char>(dn & 0xff);
+      if (bytes_per_pixel == 2) *out++ = static_cast<char>(dn >> 8);
     }
   }
   return bytes;

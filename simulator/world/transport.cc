@@ -42,6 +42,18 @@ void Aim(const HitBlock& h, const Light& light, Geometry& g, World::Rays8& rays)
 
 }  // namespace
 
+void HitBlock::Copy(const HitBlock& from, unsigned lane) {
+  const int k = count++;
+  x[k] = from.x[lane], y[k] = from.y[lane], z[k] = from.z[lane];
+  nx[k] = from.nx[lane], ny[k] = from.ny[lane], nz[k] = from.nz[lane];
+  vx[k] = from.vx[lane], vy[k] = from.vy[lane], vz[k] = from.vz[lane];
+  cos_v[k] = from.cos_v[lane];
+  for (int c = 0; c < 3; ++c) albedo_over_pi[c][k] = from.albedo_over_pi[c][lane];
+  specular[k] = from.specular[lane];
+  alpha2[k] = from.alpha2[lane];
+  target[k] = from.target[lane];
+}
+
 void HitRow::Add(const SurfaceHit& hit, Vec3 v, unsigned target, int channel) {
   if (blocks_.empty() || blocks_.back().count == 8) blocks_.emplace_back();
   HitBlock& b = blocks_.back();

@@ -26,6 +26,8 @@ struct alignas(32) HitBlock {
   float specular[8]{}, alpha2[8]{};
   unsigned target[8]{};             // index of the pixel or texel that the hit counts for
   int count = 0;
+
+  void Copy(const HitBlock& from, unsigned lane);  // adds one hit; there must be room
 };
 
 class HitRow {

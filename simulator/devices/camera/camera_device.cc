@@ -12,7 +12,8 @@ CameraDevice::CameraDevice(const Rig& rig, int index, ImageSource& source)
     : camera_(rig.cameras[index]),
       index_(index),
       source_(source),
-      exposure_s_(camera_.min_exposure_s) {}
+      exposure_s_(camera_.min_exposure_s),
+      region_{0, 0, camera_.width, camera_.height} {}
 
 void CameraDevice::Command(RigTime now, std::string_view payload, sim_wire::Outbox&) {
   const auto trigger = sim_wire::UnpackCameraTrigger(payload);
@@ -22,7 +23,9 @@ void CameraDevice::Command(RigTime now, std::string_view payload, sim_wire::Outb
     return;
   }
   const RigTime end = now + FromSeconds(exposure_s_);
-  exposure_ = Exposure{trigger->trigger_id, now, end, end + FromSeconds(camera_.readout_s), {}};
+  // Rows that are not read cost no time.
+  const double readout_s = camera_.readout_s * region_.height / camera_.height;
+  exposure_ = Exposure{trigger->trigger_id, now, end, end + FromSeconds(readout_s), {}};
 }
 
 StatusOr<std::string> CameraDevice::Query(RigTime, std::string_view payload, sim_wire::Outbox&) {
@@ -53,8 +56,36 @@ StatusOr<std::string> CameraDevice::Query(RigTime, std::string_view payload, sim
       }
       if (access.write) repeat_index_ = static_cast<uint32_t>(value);
       return sim_wire::PackRegisterValue(repeat_index_);
+    case CameraRegister::kRegionX:
+    case CameraRegister::kRegionY:
+    case CameraRegister::kRegionWidth:
+    case CameraRegister::kRegionHeight:
+      return AccessRegion(access);
   }
   return InvalidArgument("camera {}: no such register", camera_.name);
+}
+
+StatusOr<std::string> CameraDevice::AccessRegion(const sim_wire::CameraAccess& access) {
+  const bool along_x =
+      access.reg == CameraRegister::kRegionX || access.reg == CameraRegister::kRegionWidth;
+  const bool is_size =
+      access.reg == CameraRegister::kRegionWidth || access.reg == CameraRegister::kRegionHeight;
+  int& origin = along_x ? region_.x : region_.y;
+  int& size = along_x ? region_.width : region_.height;
+  if (access.write) {
+    const int sensor = along_x ? camera_.width : camera_.height;
+    const int low = is_size ? 2 : 0, high = sensor - (is_size ? origin : size);
+    // Even, so that the Bayer pattern stays; written so that NaN is refused.
+    if (!(access.value >= low && access.value <= high && std::fmod(access.value, 2) == 0)) {
+      return InvalidArgument("camera {}: region's {} {}, permitted is even, {} to {} (its {} is {})",
+                             camera_.name,
+                             is_size ? (along_x ? "width" : "height") : (along_x ? "x" : "y"),
+                             access.value, low, high, is_size ? "origin" : "size",
+                             is_size ? origin : size);
+    }
+    (is_size ? size : origin) = static_cast<int>(access.value);
+  }
+  return sim_wire::PackRegisterValue(is_size ? size : origin);
 }
 
 RigTime CameraDevice::NextEvent() const {
@@ -68,15 +99,16 @@ void CameraDevice::RunEvent(RigTime now, sim_wire::Outbox& out) {
 }
 
 void CameraDevice::Deliver(sim_wire::Outbox& out) {
-  const Exposure exposure = std::move(*exposure_);
+  Exposure exposure = std::move(*exposure_);
   exposure_.reset();
+  exposure.scene->region = region_;  // registers are locked while a frame is taken
   plant::NoiseKey key = exposure.scene->key;
   key.camera_serial = camera_.serial;
   key.exposure_us = static_cast<uint32_t>(std::lround(exposure_s_ * 1e6));
   key.gain = gain_;
   key.repeat_index = repeat_index_;
   const auto electrons = source_.ExpectedElectrons(index_, *exposure.scene, exposure_s_);
-  const auto pixels = electrons.ok() ? plant::ReadOut(camera_, *electrons, key)
+  const auto pixels = electrons.ok() ? plant::ReadOut(camera_, region_, *electrons, key)
                                      : StatusOr<std::string>(electrons.status());
   if (!pixels.ok()) {  // no frame: the daemon's deadline names the camera
     spdlog::error("camera {}: {}", camera_.name, Message(pixels.status()));
@@ -87,8 +119,8 @@ void CameraDevice::Deliver(sim_wire::Outbox& out) {
   frame.frame_id = ++frames_;
   frame.exposure_start = exposure.start;
   frame.exposure_end = exposure.end;
-  frame.width = static_cast<uint16_t>(camera_.width);
-  frame.height = static_cast<uint16_t>(camera_.height);
+  frame.width = static_cast<uint16_t>(region_.width);
+  frame.height = static_cast<uint16_t>(region_.height);
   frame.bits = static_cast<uint8_t>(camera_.bits);
   frame.pixels = *pixels;
   out.Send(sim_wire::Pack(frame));

@@ -17,14 +17,18 @@ namespace mesorig::simulator {
 class ImageSource {
  public:
   virtual ~ImageSource() = default;
-  // State of the rig over an exposure, and what the noise depends on (seed, axes, lamps).
+  // State of the rig over an exposure, and what the noise depends on (seed, axes, lamps, laser).
   struct Scene {
     std::vector<double> axis_rad;    // at mid-exposure, one per Rig::axes
     std::vector<double> lamp_level;  // mean over the exposure, one per Rig::lamps
+    int laser_mount = 0;             // index into Laser::mounts
+    double laser_level = 0;          // mean over the exposure, 0..1
+    double laser_tilt_rad = 0;       // of the emitter, at mid-exposure
+    Region region;                   // filled in by the camera: what it reads
     plant::NoiseKey key;             // camera, exposure, gain and repeat are filled in by the camera
   };
   virtual Scene Observe(RigTime from, RigTime to) = 0;
-  // Expected electrons per pixel, row by row.
+  // Expected electrons per pixel of scene.region, row by row.
   virtual StatusOr<std::vector<float>> ExpectedElectrons(int camera, const Scene& scene,
                                                          double exposure_s) = 0;
 };
@@ -48,12 +52,14 @@ class CameraDevice final : public sim_wire::SimDevice {
     RigTime start{}, end{}, delivery{};
     std::optional<ImageSource::Scene> scene;  // observed when the exposure ends
   };
+  StatusOr<std::string> AccessRegion(const sim_wire::CameraAccess& access);
   void Deliver(sim_wire::Outbox& out);
 
   const Camera& camera_;
   const int index_;
   ImageSource& source_;
   double exposure_s_, gain_ = 1;
+  Region region_;  // of the next frames
   uint32_t repeat_index_ = 0;
   uint64_t frames_ = 0;
   std::optional<Exposure> exposure_;

@@ -101,13 +101,12 @@ class AngleSource final : public simulator::ImageSource {
     scene.key.seed = 7;
     return scene;
   }
-  StatusOr<std::vector<float>> ExpectedElectrons(int camera, const Scene& scene,
+  StatusOr<std::vector<float>> ExpectedElectrons(int, const Scene& scene,
                                                  double exposure_s) override {
-    const auto& description = rig_.cameras[camera];
     double light = 0;
     for (const double level : scene.lamp_level) light += level;
     const double electrons = exposure_s * 1e5 * light * (2 + std::sin(scene.axis_rad[0]));
-    return std::vector<float>(static_cast<size_t>(description.width) * description.height,
+    return std::vector<float>(static_cast<size_t>(scene.region.width) * scene.region.height,
                               static_cast<float>(electrons));
   }
 

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/simulator/devices/test_rig.h"
 
 namespace mesorig::simulator {
@@ -21,8 +23,10 @@ class FlatSource final : public ImageSource {
     scene.key.seed = 4;
     return scene;
   }
-  StatusOr<std::vector<float>> ExpectedElectrons(int, const Scene&, double exposure_s) override {
-    return std::vector<float>(16 * 8, static_cast<float>(exposure_s * 250000));
+  StatusOr<std::vector<float>> ExpectedElectrons(int, const Scene& scene,
+                                                 double exposure_s) override {
+    return std::vector<float>(static_cast<size_t>(scene.region.width * scene.region.height),
+                              static_cast<float>(exposure_s * 250000));
   }
   RigTime observed_from{}, observed_to{};
 };
@@ -68,6 +72,41 @@ TEST_F(CameraDeviceTest, SameKeySameBytesAndRepeatsDiffer) {
   EXPECT_EQ(a.pixels, b.pixels) << "time is not part of the key";
   ASSERT_TRUE(Write(CameraRegister::kRepeatIndex, 1).ok());
   EXPECT_NE(Shoot(milliseconds(500), 3).pixels, a.pixels);
+}
+
+TEST_F(CameraDeviceTest, ReadsItsRegion) {
+  ASSERT_TRUE(Write(CameraRegister::kExposureS, 0.02).ok());
+  const auto whole = Shoot(milliseconds(100), 1);
+  EXPECT_EQ(whole.width, 16);
+  EXPECT_EQ(whole.height, 8);
+  ASSERT_TRUE(Write(CameraRegister::kRegionWidth, 6).ok());
+  ASSERT_TRUE(Write(CameraRegister::kRegionHeight, 4).ok());
+  ASSERT_TRUE(Write(CameraRegister::kRegionX, 10).ok());
+  ASSERT_TRUE(Write(CameraRegister::kRegionY, 2).ok());
+  camera_.Command(milliseconds(200), sim_wire::Pack(sim_wire::CameraTrigger{2}), out_);
+  camera_.RunEvent(camera_.NextEvent(), out_);
+  EXPECT_EQ(camera_.NextEvent(), RigTime(milliseconds(225))) << "half the rows, half the readout";
+  camera_.RunEvent(camera_.NextEvent(), out_);
+  const auto part = sim_wire::UnpackCameraFrame(out_.Take().at(0)).value();
+  EXPECT_EQ(part.width, 6);
+  EXPECT_EQ(part.height, 4);
+  std::string crop;
+  for (size_t j = 2; j < 6; ++j) crop += whole.pixels.substr(2 * (16 * j + 10), 12);
+  EXPECT_EQ(part.pixels, crop);
+}
+
+TEST_F(CameraDeviceTest, RefusesRegionsThatItHasNot) {
+  for (double bad : {-2.0, 0.0, 3.0, 4.5, 18.0, 1e300, std::nan("")}) {
+    EXPECT_FALSE(Write(CameraRegister::kRegionWidth, bad).ok()) << bad;
+  }
+  EXPECT_FALSE(Write(CameraRegister::kRegionX, 2).ok()) << "the width reaches the border";
+  ASSERT_TRUE(Write(CameraRegister::kRegionHeight, 2).ok());
+  ASSERT_TRUE(Write(CameraRegister::kRegionY, 6).ok());
+  EXPECT_FALSE(Write(CameraRegister::kRegionHeight, 4).ok());
+  EXPECT_FALSE(Write(CameraRegister::kRegionY, 5).ok());
+  const auto height = camera_.Query(
+      {}, sim_wire::Pack(CameraAccess{CameraRegister::kRegionHeight, false, 0}), out_);
+  EXPECT_EQ(sim_wire::UnpackRegisterValue(height.value()).value(), 2);
 }
 
 TEST_F(CameraDeviceTest, RefusesWhatItCannotDo) {

@@ -19,6 +19,8 @@ Camera TestCamera(int bits) {
   return camera;
 }
 
+Region Whole(const Camera& camera) { return {0, 0, camera.width, camera.height}; }
+
 std::vector<double> Codes(const Camera& camera, const std::string& bytes) {
   std::vector<double> codes;
   const auto* b = reinterpret_cast<const unsigned char*>(bytes.data());
@@ -45,7 +47,7 @@ Moments Expose(const Camera& camera, double expected_e, double gain = 1) {
   const std::vector<float> expected(20000, static_cast<float>(expected_e));
   NoiseKey key{.seed = 3, .camera_serial = "A", .axis_counts = {1, 2}, .lamp_levels = {1, 0},
                .exposure_us = 10000, .gain = gain, .repeat_index = 0};
-  return MomentsOf(Codes(camera, ReadOut(camera, expected, key).value()));
+  return MomentsOf(Codes(camera, ReadOut(camera, Whole(camera), expected, key).value()));
 }
 
 // Photon transfer curve: in electrons, variance = mean + read noise^2 (+ 1/12 of a code squared).
@@ -100,9 +102,9 @@ TEST(Sensor, EqualKeysEqualBytesAndEveryFieldCounts) {
   const std::vector<float> expected(20000, 3000.f);
   const NoiseKey key{.seed = 3, .camera_serial = "A", .axis_counts = {1, 2},
                      .lamp_levels = {1, 0}, .exposure_us = 10000, .gain = 1, .repeat_index = 0};
-  const std::string bytes = ReadOut(camera, expected, key).value();
-  EXPECT_EQ(bytes, ReadOut(camera, expected, key).value());
-  std::vector<NoiseKey> others(8, key);
+  const std::string bytes = ReadOut(camera, Whole(camera), expected, key).value();
+  EXPECT_EQ(bytes, ReadOut(camera, Whole(camera), expected, key).value());
+  std::vector<NoiseKey> others(10, key);
   others[0].seed = 4;
   others[1].camera_serial = "B";
   others[2].axis_counts = {1, 3};
@@ -111,8 +113,10 @@ TEST(Sensor, EqualKeysEqualBytesAndEveryFieldCounts) {
   others[5].gain = 1.0001;
   others[6].repeat_index = 1;
   others[7].axis_counts = {2, 1};
+  others[8].laser_level = 1;
+  others[9].laser_tilt_rad = 1e-9;
   for (size_t i = 0; i < others.size(); ++i) {
-    EXPECT_NE(bytes, ReadOut(camera, expected, others[i]).value()) << i;
+    EXPECT_NE(bytes, ReadOut(camera, Whole(camera), expected, others[i]).value()) << i;
   }
 }
 
@@ -122,9 +126,44 @@ TEST(Sensor, PixelsAreIndependentOfEachOther) {
   const NoiseKey key{.seed = 1, .camera_serial = "A", .axis_counts = {}, .lamp_levels = {}};
   std::vector<float> a(20000, 3000.f), b(a);
   for (size_t i = 0; i < 10000; ++i) b[i] = 1.f;
-  const auto codes_a = Codes(camera, ReadOut(camera, a, key).value());
-  const auto codes_b = Codes(camera, ReadOut(camera, b, key).value());
+  const auto codes_a = Codes(camera, ReadOut(camera, Whole(camera), a, key).value());
+  const auto codes_b = Codes(camera, ReadOut(camera, Whole(camera), b, key).value());
   for (size_t i = 10000; i < 20000; ++i) ASSERT_EQ(codes_a[i], codes_b[i]);
+}
+
+// The noise of a pixel is that of its place on the sensor, wherever the region begins.
+TEST(Sensor, RegionIsTheCropOfTheWholeFrame) {
+  for (int bits : {8, 12}) {
+    const Camera camera = TestCamera(bits);
+    std::vector<float> expected(20000);
+    for (size_t i = 0; i < expected.size(); ++i) {
+      expected[i] = i % 3 == 0 ? 0.f : static_cast<float>(i % 977);
+    }
+    const NoiseKey key{.seed = 1, .camera_serial = "A", .axis_counts = {}, .lamp_levels = {}};
+    const std::string whole = ReadOut(camera, Whole(camera), expected, key).value();
+    const size_t bytes = static_cast<size_t>(camera.bytes_per_pixel());
+    for (const Region& region : {Region{2, 0, 4, 2}, {198, 98, 2, 2}, {14, 36, 130, 50}}) {
+      std::vector<float> part;
+      std::string crop;
+      for (int j = region.y; j < region.y + region.height; ++j) {
+        const auto from = static_cast<size_t>(200 * j + region.x);
+        const auto width = static_cast<size_t>(region.width);
+        part.insert(part.end(), expected.begin() + from, expected.begin() + from + width);
+        crop += whole.substr(from * bytes, width * bytes);
+      }
+      EXPECT_EQ(ReadOut(camera, region, part, key).value(), crop);
+    }
+  }
+}
+
+TEST(Sensor, RefusesRegionsBeyondTheSensor) {
+  const Camera camera = TestCamera(12);
+  const std::vector<float> expected(4, 1.f);
+  EXPECT_TRUE(ReadOut(camera, {198, 98, 2, 2}, expected, {}).ok());
+  for (const Region& region : {Region{-2, 0, 2, 2}, {0, -2, 2, 2}, {200, 0, 2, 2}, {0, 100, 2, 2},
+                               {2147483646, 0, 2, 2}, {0, 0, 0, 0}, {0, 0, 4, 2}}) {
+    EXPECT_FALSE(ReadOut(camera, region, expected, {}).ok());
+  }
 }
 
 // Repeats are independent: averaging n of them lowers the noise by sqrt(n).
@@ -136,7 +175,7 @@ TEST(Sensor, AveragingRepeatsHelps) {
   for (uint32_t repeat = 0; repeat < 16; ++repeat) {
     const NoiseKey key{.seed = 9, .camera_serial = "A", .axis_counts = {}, .lamp_levels = {},
                        .repeat_index = repeat};
-    const auto codes = Codes(camera, ReadOut(camera, expected, key).value());
+    const auto codes = Codes(camera, ReadOut(camera, Whole(camera), expected, key).value());
     for (size_t i = 0; i < 20000; ++i) mean[i] += codes[i] / 16;
     if (repeat == 0) single = MomentsOf(codes).variance;
   }
@@ -146,16 +185,16 @@ TEST(Sensor, AveragingRepeatsHelps) {
 TEST(Sensor, RefusesWhatIsNoLight) {
   const Camera camera = TestCamera(12);
   std::vector<float> expected(20000, 1.f);
-  EXPECT_FALSE(ReadOut(camera, std::span(expected).first(10), {}).ok());
+  EXPECT_FALSE(ReadOut(camera, Whole(camera), std::span(expected).first(10), {}).ok());
   NoiseKey key;
   for (double gain : {0.0, -1.0, std::nan("")}) {
     key.gain = gain;
-    EXPECT_FALSE(ReadOut(camera, expected, key).ok());
+    EXPECT_FALSE(ReadOut(camera, Whole(camera), expected, key).ok());
   }
   expected[5] = -1;
-  EXPECT_FALSE(ReadOut(camera, expected, {}).ok());
+  EXPECT_FALSE(ReadOut(camera, Whole(camera), expected, {}).ok());
   expected[5] = std::nanf("");
-  EXPECT_FALSE(ReadOut(camera, expected, {}).ok());
+  EXPECT_FALSE(ReadOut(camera, Whole(camera), expected, {}).ok());
 }
 
 }  // namespace

@@ -61,7 +61,7 @@ TEST(CameraImage, LambertPlaneThroughTheSensor) {
   const auto expected = images.ExpectedElectrons(3, State(rig, 2), 0.02).value();
   plant::NoiseKey key{.seed = 5, .camera_serial = c.serial, .axis_counts = {60000, 90000},
                       .lamp_levels = {}, .exposure_us = 20000};
-  const std::string bytes = plant::ReadOut(c, expected, key).value();
+  const std::string bytes = plant::ReadOut(c, {0, 0, c.width, c.height}, expected, key).value();
   double sum = 0, expected_sum = 0, variance = 0;
   for (int j = 76; j < 116; j += 2) {
     for (int i = 108; i < 148; i += 2) {  // red pixels
