@@ -191,6 +191,8 @@ Status Compress(const CompressOptions& options) {
 
 Status Compare(const std::filesystem::path& a, const std::filesystem::path& reference,
                bool by_angle, bool as_json) {
+  MESORIG_ASSIGN_OR_RETURN(const btf::FileKind kind, btf::ReadFileKind(a));
+  if (kind == btf::FileKind::kMdf) return CompareMdfFiles(a, reference, by_angle, as_json);
   ProgressBar progress("compare");
   const auto start = std::chrono::steady_clock::now();
   MESORIG_ASSIGN_OR_RETURN(const btf::SampledBtf left, codecs::ReadAnyBtf(a));

@@ -25,7 +25,7 @@ struct CompressOptions {
 };
 Status Compress(const CompressOptions& options);
 
-// by_angle: also per ring of views and of lights.
+// Of two BTFs or two MDFs. by_angle: also per ring of views and of lights.
 Status Compare(const std::filesystem::path& a, const std::filesystem::path& reference,
                bool by_angle, bool json);
 

@@ -1,9 +1,10 @@
-// mesorig-btf: the tool on BTF files.
+// mesorig-btf: the tool on BTF and MDF files.
 
 #include <CLI/CLI.hpp>
 #include <charconv>
 
 #include "processing/app/btf_commands.h"
+#include "processing/app/stripe_command.h"
 #include "processing/exchange/importer.h"
 #include "protocol/base/program.h"
 
@@ -31,6 +32,19 @@ std::string SetTerms(const std::string& text, int& terms) {
   return "`" + text + "` is neither a number >= 1 nor `all`";
 }
 
+// "X,Y,W,H".
+bool SetRegion(const std::string& text, std::array<int, 4>& region) {
+  const char* at = text.data();
+  const char* const end = text.data() + text.size();
+  for (size_t k = 0; k < region.size(); ++k) {
+    if (k > 0 && (at == end || *at++ != ',')) return false;
+    const auto [next, error] = std::from_chars(at, end, region[k]);
+    if (error != std::errc()) return false;
+    at = next;
+  }
+  return at == end;
+}
+
 void AddEncodeOptions(CLI::App* command, codecs::EncodeOptions& options) {
   command
       ->add_option_function<std::string>(
@@ -51,6 +65,7 @@ struct Arguments {
   processing::CompressOptions compress;
   processing::SliceOptions slice;
   processing::CrossValidateOptions cross;
+  processing::StripeCommand stripe;
   bool by_angle = false, json = false;
 };
 
@@ -82,9 +97,10 @@ void AddCommands(CLI::App& app, Arguments& a) {
   CLI::App* compare = AddCommand(
       app, "compare",
       "errors of one BTF file against another, compressed or not, over the pairs present in both; "
-      "psnr_db has peak 1/pi sr^-1 (1, code value 255, where not calibrated)", a);
-  compare->add_option("file", a.from, "*.btf.exr")->required();
-  compare->add_option("reference", a.reference, "*.btf.exr")->required();
+      "psnr_db has peak 1/pi sr^-1 (1, code value 255, where not calibrated). Of two MDF files: "
+      "errors of the distance, mm, over the measured texels of the views within 60 degrees", a);
+  compare->add_option("file", a.from, "*.btf.exr or *.mdf.exr")->required();
+  compare->add_option("reference", a.reference, "*.btf.exr or *.mdf.exr, as the file")->required();
   compare->add_flag("--by-angle", a.by_angle, "also per polar angle of the view and of the light");
 
   CLI::App* report = AddCommand(
@@ -110,6 +126,24 @@ void AddCommands(CLI::App& app, Arguments& a) {
   slice->add_option("-o,--out", a.to, "PNG to write")->required();
 }
 
+void AddStripe(CLI::App& app, Arguments& a) {
+  CLI::App* stripe = AddCommand(
+      app, "stripe",
+      "fit the line of a laser stripe in each photograph; prints its position (where it crosses the "
+      "middle of the region, along rows or columns), its angle (0 to the right, 90 upwards) and how "
+      "they scatter over the photographs", a);
+  stripe->add_option("images", a.stripe.images, "PNG, JPEG or TGA, 8 bits, of one size")->required();
+  stripe
+      ->add_option_function<std::string>(
+          "--region", [&a](const std::string& text) {
+            if (!SetRegion(text, a.stripe.region.emplace())) {
+              throw CLI::ValidationError("--region", "`" + text + "` is not X,Y,W,H in pixels");
+            }
+          },
+          "pixels to look at; without it the whole image")
+      ->type_name("X,Y,W,H");
+}
+
 Status Run(const CLI::App& app, Arguments& a) {
   if (app.got_subcommand("info")) return processing::Info(a.from, a.json);
   if (app.got_subcommand("import")) return processing::Import(a.from, a.format, a.to, a.json);
@@ -127,6 +161,10 @@ Status Run(const CLI::App& app, Arguments& a) {
     a.slice.json = a.json;
     return processing::Slice(a.slice);
   }
+  if (app.got_subcommand("stripe")) {
+    a.stripe.json = a.json;
+    return processing::FitStripes(a.stripe);
+  }
   a.cross.from = a.from;
   a.cross.json = a.json;
   if (!a.pictures.empty()) a.cross.pictures = a.pictures;
@@ -137,10 +175,11 @@ Status Run(const CLI::App& app, Arguments& a) {
 
 int main(int argc, char** argv) {
   CLI::App app(
-      "mesorig-btf: the tool on BTF files (how a material looks from every view under every "
-      "light).\nExample: mesorig-btf compress sample.btf.exr --codec view-svd --out small.btf.exr");
+      "mesorig-btf: the tool on BTF files (how a material looks from every view under every light) "
+      "and MDF files (the shape of its fine relief).\nExample: mesorig-btf compress sample.btf.exr --codec view-svd --out small.btf.exr");
   app.require_subcommand(1);
   Arguments arguments;
   AddCommands(app, arguments);
+  AddStripe(app, arguments);
   return mesorig::RunProgram(app, "mesorig-btf", argc, argv, [&] { return Run(app, arguments); });
 }

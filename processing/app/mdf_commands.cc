@@ -1,7 +1,9 @@
 #include "processing/app/mdf_commands.h"
 
+#include <chrono>
 #include <nlohmann/json.hpp>
 
+#include "processing/btf/mdf_errors.h"
 #include "processing/btf/mdf_file.h"
 
 namespace mesorig::processing {
@@ -10,6 +12,19 @@ namespace {
 using nlohmann::json;
 
 void Print(const json& object) { fmt::print("{}\n", object.dump(2)); }
+
+json FiguresJson(const btf::MdfFigures& f) {
+  return {{"median_abs_mm", f.median_abs_mm},
+          {"rmse_mm", f.rmse_mm},
+          {"coverage", f.coverage},
+          {"texels", f.texels},
+          {"views", f.views}};
+}
+
+std::string FiguresText(const btf::MdfFigures& f) {
+  return fmt::format("median |error| {:.4f} mm, rmse {:.4f} mm, coverage {:.2f} % ({} views)",
+                     f.median_abs_mm, f.rmse_mm, 100 * f.coverage, f.views);
+}
 
 }  // namespace
 
@@ -35,6 +50,39 @@ Status MdfInfo(const std::filesystem::path& file, bool as_json) {
              h.pitch_mm, h.h_ref_mm, h.views.size());
   fmt::print("  {}, {} bytes\n", h.calibrated ? "calibrated" : "not calibrated", info.file_bytes);
   fmt::print("  provenance {}\n", h.provenance_json);
+  return OkStatus();
+}
+
+Status CompareMdfFiles(const std::filesystem::path& mdf, const std::filesystem::path& truth,
+                       bool by_angle, bool as_json) {
+  const auto start = std::chrono::steady_clock::now();
+  MESORIG_ASSIGN_OR_RETURN(const btf::Mdf left, btf::ReadMdf(mdf));
+  MESORIG_ASSIGN_OR_RETURN(const btf::Mdf right, btf::ReadMdf(truth));
+  const auto errors = btf::CompareMdf(left, right);
+  if (!errors.ok()) {
+    return Annotate(errors.status(), fmt::format("{} against {}", mdf.string(), truth.string()));
+  }
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  if (as_json) {
+    json result = FiguresJson(*errors);
+    result["best_plane_median_abs_mm"] = errors->best_plane_median_abs_mm;
+    result["best_plane_z_mm"] = errors->best_plane_z_mm;
+    result["theta_limit_deg"] = DegFromRad(btf::kMdfThetaLimit);
+    for (const btf::MdfRing& ring : errors->by_view_theta) {
+      if (!by_angle) break;
+      result["by_view_theta"].push_back(FiguresJson(ring));
+      result["by_view_theta"].back()["theta_deg"] = ring.theta_deg;
+    }
+    result["seconds"] = seconds.count();
+    Print(result);
+    return OkStatus();
+  }
+  fmt::print("{}\n", FiguresText(*errors));
+  fmt::print("  best constant plane: z = {:.3f} mm, median |error| {:.4f} mm\n",
+             errors->best_plane_z_mm, errors->best_plane_median_abs_mm);
+  for (const btf::MdfRing& ring : errors->by_view_theta) {
+    if (by_angle) fmt::print("  views at {:5.1f} deg: {}\n", ring.theta_deg, FiguresText(ring));
+  }
   return OkStatus();
 }
 

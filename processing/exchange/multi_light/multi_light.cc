@@ -5,8 +5,8 @@
 #include <optional>
 
 #include "processing/exchange/importer.h"
-#include "processing/exchange/multi_light/image_file.h"
 #include "processing/exchange/multi_light/light_file.h"
+#include "processing/image/image_file.h"
 #include "protocol/base/file_writer.h"
 
 namespace mesorig::exchange::multi_light {
@@ -45,7 +45,7 @@ StatusOr<Stack> ListFolder(const fs::path& folder) {
                                stack.lp->filename().string(), file.filename().string());
       }
       stack.lp = file;
-    } else if (IsImageName(file)) {
+    } else if (image::IsImageName(file)) {
       const bool is_mask = file.stem().extension() == ".mask" || file.stem() == "mask";
       if (is_mask) {
         stack.mask = file;
@@ -101,8 +101,8 @@ StatusOr<std::vector<Photograph>> FromLightsTxt(const Stack& stack, const fs::pa
   return photographs;
 }
 
-StatusOr<Image8> ReadOfSize(const fs::path& path, const btf::BtfHeader& header) {
-  MESORIG_ASSIGN_OR_RETURN(Image8 image, ReadImage(path));
+StatusOr<image::Image8> ReadOfSize(const fs::path& path, const btf::BtfHeader& header) {
+  MESORIG_ASSIGN_OR_RETURN(image::Image8 image, image::ReadImage(path));
   if (image.width != header.width || image.height != header.height) {
     return InvalidArgument("{}: {} x {} pixels, the first photograph has {} x {}", path.string(),
                            image.width, image.height, header.width, header.height);
@@ -110,7 +110,7 @@ StatusOr<Image8> ReadOfSize(const fs::path& path, const btf::BtfHeader& header) 
   return image;
 }
 
-btf::BtfHeader HeaderOf(const Image8& first, const std::vector<Photograph>& photographs,
+btf::BtfHeader HeaderOf(const image::Image8& first, const std::vector<Photograph>& photographs,
                         const fs::path& folder) {
   btf::BtfHeader header;
   header.width = first.width;
@@ -142,12 +142,12 @@ class MultiLight final : public Importer {
     MESORIG_ASSIGN_OR_RETURN(const Stack stack, ListFolder(folder));
     MESORIG_ASSIGN_OR_RETURN(const std::vector<Photograph> photographs,
                              stack.lp ? FromLp(stack, folder) : FromLightsTxt(stack, folder));
-    MESORIG_ASSIGN_OR_RETURN(Image8 image, ReadImage(photographs[0].path));
+    MESORIG_ASSIGN_OR_RETURN(image::Image8 image, image::ReadImage(photographs[0].path));
     btf::BtfHeader header = HeaderOf(image, photographs, folder);
     const Status valid = CheckHeader(header);
     if (!valid.ok()) return Annotate(valid, folder.string());
     if (stack.mask) {
-      MESORIG_ASSIGN_OR_RETURN(const Image8 mask, ReadOfSize(*stack.mask, header));
+      MESORIG_ASSIGN_OR_RETURN(const image::Image8 mask, ReadOfSize(*stack.mask, header));
       for (size_t i = 0; i < header.texel_count(); ++i) {
         header.mask.push_back(mask.rgb[3 * i] > kMaskThreshold ? 1 : 0);
       }

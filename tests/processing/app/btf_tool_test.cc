@@ -133,5 +133,77 @@ TEST_F(BtfTool, BadInputIsOneLineAndExitTwo) {
   EXPECT_EQ(Tool("--version").exit, 0);
 }
 
+TEST_F(BtfTool, CompareOfMdfs) {
+  btf::MdfHeader header;
+  header.width = 16, header.height = 12, header.pitch_mm = 0.5, header.h_ref_mm = 3;
+  header.views = RingDirections(2, 6, 60);
+  btf::Mdf mdf(header);
+  for (int v = 0; v < header.view_count(); ++v) {
+    std::ranges::fill(mdf.MutableConfidence(v), 1.0f);
+    std::ranges::fill(mdf.MutableDistance(v), 2.0f);
+  }
+  ASSERT_TRUE(btf::WriteMdf(mdf, folder_ / "truth.mdf.exr").ok());
+  for (float& d : mdf.MutableDistance(0)) d += 0.25f;
+  ASSERT_TRUE(btf::WriteMdf(mdf, folder_ / "m.mdf.exr").ok());
+  const Output text = Tool("compare --json --by-angle " + Path("m.mdf.exr") + " " +
+                           Path("truth.mdf.exr"));
+  ASSERT_EQ(text.exit, 0) << text.text;
+  const auto json = nlohmann::json::parse(text.text);
+  EXPECT_EQ(json["median_abs_mm"], 0);
+  EXPECT_EQ(json["coverage"], 1);
+  EXPECT_NEAR(json["rmse_mm"], 0.25 / std::sqrt(13.0), 1e-6);
+  EXPECT_EQ(json["by_view_theta"][0]["median_abs_mm"], 0.25);
+  EXPECT_EQ(Tool("compare " + Path("m.mdf.exr") + " " + Path("a.btf.exr")).exit, 2);
+  EXPECT_EQ(Tool("compare " + Path("a.btf.exr") + " " + Path("m.mdf.exr")).exit, 2);
+}
+
+// A vertical stripe at u = 40.5 + shift with a slope of 0.1, 80 x 60 pixels, as a TGA file.
+void WriteStripe(const std::filesystem::path& path, double shift) {
+  std::string bytes(18, '\0');
+  bytes[2] = 2, bytes[12] = 80, bytes[14] = 60, bytes[16] = 24, bytes[17] = 0x20;
+  for (int j = 0; j < 60; ++j) {
+    for (int i = 0; i < 80; ++i) {
+      const double apart = i + 0.5 - (40.5 + shift + 0.1 * (j + 0.5 - 30));
+      const double green = 10 + 200 * std::exp(-0.5 * apart * apart / 6);
+      bytes += {3, static_cast<char>(static_cast<int>(green + 0.5)), 3};
+    }
+  }
+  ASSERT_TRUE(WriteFileAtomically(path, bytes).ok());
+}
+
+TEST_F(BtfTool, Stripe) {
+  WriteStripe(folder_ / "a.tga", 0);
+  WriteStripe(folder_ / "b.tga", 0.2);
+  const std::string both = Path("a.tga") + " " + Path("b.tga");
+  const Output text = Tool("stripe --json --region 10,0,60,60 " + both);
+  ASSERT_EQ(text.exit, 0) << text.text;
+  const auto json = nlohmann::json::parse(text.text);
+  EXPECT_EQ(json["profiles"], "rows");
+  EXPECT_NEAR(json["fits"][0]["position_px"], 40.5, 0.01);
+  EXPECT_NEAR(json["fits"][1]["position_px"], 40.7, 0.01);
+  EXPECT_NEAR(json["position_std_px"], 0.2 / std::sqrt(2.0), 0.01);
+  EXPECT_NEAR(json["angle_deg"], 90 + DegFromRad(std::atan(0.1)), 0.05);
+  EXPECT_EQ(Tool("stripe --region 10,0,71,60 " + both).exit, 2);
+  EXPECT_EQ(Tool("stripe --region 10,0 " + both).exit, 2);
+  EXPECT_EQ(Tool("stripe --region -1,0,60,60 " + both).exit, 2);
+  EXPECT_EQ(Tool("stripe " + Path("a.btf.exr")).exit, 2);
+  EXPECT_EQ(Tool("stripe " + Path("absent.png")).exit, 2);
+  const Output none = Tool("stripe --region 0,0,20,60 " + both);
+  EXPECT_EQ(none.exit, 1);
+  EXPECT_THAT(none.text, HasSubstr("none of 2 images shows a stripe"));
+}
+
+TEST_F(BtfTool, StripeOfPhotographs) {
+  const auto folder = std::filesystem::path(MESORIG_SOURCE_DIR).parent_path() / "shared" / "data" /
+                      "laser_line";
+  if (!std::filesystem::is_directory(folder)) GTEST_SKIP() << folder << " is absent";
+  const Output text = Tool("stripe --json --region 0,5,640,165 " + folder.string() + "/*.jpg");
+  ASSERT_EQ(text.exit, 0) << text.text;
+  const auto json = nlohmann::json::parse(text.text);
+  EXPECT_EQ(json["fitted"], 40);
+  EXPECT_LT(json["position_std_px"], 0.06);  // a fit of plain centroids: 0.15
+  EXPECT_LT(json["position_mad_px"], 0.05);  // 0.08
+}
+
 }  // namespace
 }  // namespace mesorig

@@ -28,7 +28,8 @@ Mdf SmallMdf() {
   Mdf mdf(header);
   for (int v = 0; v < header.view_count(); ++v) {
     for (size_t i = 0; i < header.texel_count(); ++i) {
-      mdf.MutableDistance(v)[i] = 0.1f * static_cast<float>(i) + 1.0f / 3.0f + static_cast<float>(v);
+      mdf.MutableDistance(v)[i] =
+          0.1f * static_cast<float>(i) + 1.0f / 3.0f + static_cast<float>(v);
       mdf.MutableConfidence(v)[i] = i % 3 == 0 ? 0.0f : 0.25f * static_cast<float>(i);
     }
   }

@@ -5,7 +5,7 @@
 #include <random>
 
 #include "processing/exchange/importer.h"
-#include "processing/exchange/multi_light/image_file.h"
+#include "processing/image/image_file.h"
 #include "protocol/base/file_writer.h"
 #include "tests/processing/btf/synthetic.h"
 
@@ -98,7 +98,7 @@ TEST(MultiLightImage, SurvivesDamagedBytes) {
       bytes[random() % 24] = static_cast<char>(random() % 2 != 0 ? random() : random() % 33);
     }
     if (i % 4 == 0) bytes.resize(random() % bytes.size());
-    const auto image = multi_light::DecodeImage8(bytes, "f");
+    const auto image = image::DecodeImage8(bytes, "f");
     if (image.ok()) {
       EXPECT_EQ(image->rgb.size(),
                 3 * static_cast<size_t>(image->width) * static_cast<size_t>(image->height));

@@ -7,7 +7,7 @@
 
 #include "protocol/base/status.h"
 
-namespace mesorig::exchange::multi_light {
+namespace mesorig::image {
 
 struct Image8 {
   int width = 0, height = 0;
@@ -20,4 +20,4 @@ StatusOr<Image8> ReadImage(const std::filesystem::path& path);
 // The same from bytes; `file` is for messages.
 StatusOr<Image8> DecodeImage8(std::string_view bytes, const std::string& file);
 
-}  // namespace mesorig::exchange::multi_light
+}  // namespace mesorig::image

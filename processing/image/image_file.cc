@@ -1,10 +1,9 @@
-#include "processing/exchange/multi_light/image_file.h"
+#include "processing/image/image_file.h"
 
 #include <algorithm>
 #include <cctype>
 #include <memory>
 
-#include "processing/btf/sampled_btf.h"
 #include "protocol/base/file_writer.h"
 
 #pragma GCC diagnostic push
@@ -21,10 +20,11 @@
 #include <stb/stb_image.h>
 #pragma GCC diagnostic pop
 
-namespace mesorig::exchange::multi_light {
+namespace mesorig::image {
 namespace {
 
 constexpr size_t kMaxFileBytes = 512u << 20;
+constexpr int kMaxSide = 16384;
 constexpr double kMaxPixels = 2e8;
 
 }  // namespace
@@ -44,11 +44,11 @@ StatusOr<Image8> DecodeImage8(std::string_view bytes, const std::string& file) {
   if (stbi_info_from_memory(data, size, &image.width, &image.height, &channels) == 0) {
     return InvalidArgument("{}: is not a TGA, PNG or JPEG image", file);
   }
-  if (image.width < 1 || image.height < 1 || image.width > btf::kMaxSize ||
-      image.height > btf::kMaxSize ||
+  if (image.width < 1 || image.height < 1 || image.width > kMaxSide ||
+      image.height > kMaxSide ||
       static_cast<double>(image.width) * image.height > kMaxPixels) {
     return InvalidArgument("{}: {} x {} pixels, each side must be in [1, {}]", file, image.width,
-                           image.height, btf::kMaxSize);
+                           image.height, kMaxSide);
   }
   const std::unique_ptr<stbi_uc, void (*)(void*)> pixels(
       stbi_load_from_memory(data, size, &image.width, &image.height, &channels, 3),
@@ -64,4 +64,4 @@ StatusOr<Image8> ReadImage(const std::filesystem::path& path) {
   return DecodeImage8(bytes, path.string());
 }
 
-}  // namespace mesorig::exchange::multi_light
+}  // namespace mesorig::image
