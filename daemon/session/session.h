@@ -15,6 +15,14 @@
 
 namespace mesorig::daemon {
 
+// Where in a sweep of the laser a frame stands (docs/laser.md).
+struct LaserRecord {
+  uint32_t sweep = 0, index = 0;  // Sweep::index of the plan; the frame within it
+  int mount = 0;                  // index into Laser::mounts
+  double tilt_rad = 0;            // by the tachometer
+  bool on = false;                // laser_on, read back
+};
+
 // A row of the frame ledger: planned shot <-> trigger <-> camera frame <-> time <-> digest.
 struct FrameRecord {
   uint64_t sequence = 0;  // counts this camera's rows from 1; assigned by Append
@@ -24,9 +32,12 @@ struct FrameRecord {
   int64_t exposure_start_ns = 0, exposure_end_ns = 0;
   double exposure_s = 0;
   std::vector<double> axis_rad, lamp_level;  // read back
-  int width = 0, height = 0, bits = 0;
+  int width = 0, height = 0, bits = 0;       // of the region that was read
+  int region_x = 0, region_y = 0;            // its origin on the sensor
+  std::optional<LaserRecord> laser;          // frames of a sweep only
   std::string digest;              // XXH3-128 of the pixels; computed by Append
-  uint64_t offset = 0, bytes = 0;  // in the camera's segment; assigned by Append
+  uint32_t segment = 0;            // of the camera; assigned by Append
+  uint64_t offset = 0, bytes = 0;  // in that segment; assigned by Append
 };
 
 struct StoredFrame {
@@ -89,6 +100,10 @@ class Session {
   // `cursor`; nothing: none yet, or no more (see Summary().end). DataLoss names the file and the
   // frame that is damaged; the ones after it are still to be had.
   virtual StatusOr<std::optional<StoredFrame>> Next(int camera, uint64_t cursor, int wait_ms) = 0;
+  // Deletes the raw frames of a sweep; ledger rows and digests stay, and Next passes over them.
+  // Returns the bytes freed (0 when they were gone already). FailedPrecondition unless the plan says
+  // so of this sweep and all its frames are durable; NotFound for a sweep that the plan lacks.
+  virtual StatusOr<uint64_t> ReleaseSweep(uint32_t sweep) = 0;
   // Called after each group commit with the number of durable frames; one listener.
   virtual void OnDurable(std::function<void(uint32_t frames_durable)> listener) = 0;
 };
