@@ -93,6 +93,16 @@ v1::FrameHeader ToMessage(const FrameRecord& record) {
   header.set_height(static_cast<uint32_t>(record.height));
   header.set_bits(static_cast<uint32_t>(record.bits));
   header.set_digest(record.digest);
+  header.set_region_x(static_cast<uint32_t>(record.region_x));
+  header.set_region_y(static_cast<uint32_t>(record.region_y));
+  if (record.laser) {
+    v1::LaserState& laser = *header.mutable_laser();
+    laser.set_sweep(record.laser->sweep);
+    laser.set_index(record.laser->index);
+    laser.set_mount(static_cast<uint32_t>(record.laser->mount));
+    laser.set_tilt_rad(record.laser->tilt_rad);
+    laser.set_on(record.laser->on);
+  }
   return header;
 }
 

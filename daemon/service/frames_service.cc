@@ -134,6 +134,17 @@ grpc::Status FramesService::ListSessions(grpc::ServerContext*, const v1::ListSes
   return grpc::Status::OK;
 }
 
+grpc::Status FramesService::ReleaseSweep(grpc::ServerContext*,
+                                         const v1::ReleaseSweepRequest* request,
+                                         v1::ReleaseSweepReply* reply) {
+  const auto session = sessions_.Find(request->session_id());
+  if (!session.ok()) return wire::ToGrpc(session.status());
+  const auto freed = (*session)->ReleaseSweep(request->sweep());
+  if (!freed.ok()) return wire::ToGrpc(freed.status());
+  reply->set_bytes_freed(*freed);
+  return grpc::Status::OK;
+}
+
 grpc::ServerWriteReactor<grpc::ByteBuffer>* FramesService::Subscribe(
     grpc::CallbackServerContext*, const grpc::ByteBuffer* request) {
   return new Subscription(sessions_, shutting_down_, *request);  // owned by itself

@@ -23,6 +23,8 @@ class FramesService final
                           v1::SessionReply* reply) override;
   grpc::Status ListSessions(grpc::ServerContext* context, const v1::ListSessionsRequest* request,
                             v1::ListSessionsReply* reply) override;
+  grpc::Status ReleaseSweep(grpc::ServerContext* context, const v1::ReleaseSweepRequest* request,
+                            v1::ReleaseSweepReply* reply) override;
   grpc::ServerWriteReactor<grpc::ByteBuffer>* Subscribe(grpc::CallbackServerContext* context,
                                                         const grpc::ByteBuffer* request) override;
 

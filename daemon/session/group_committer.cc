@@ -6,7 +6,7 @@
 
 namespace mesorig::daemon {
 
-GroupCommitter::GroupCommitter(std::unique_ptr<Ledger> ledger, std::vector<SegmentWriter> segments,
+GroupCommitter::GroupCommitter(std::unique_ptr<Ledger> ledger, SegmentWriters segments,
                                size_t max_queued_bytes,
                                std::function<void(const std::vector<FrameRecord>&)> on_commit)
     : max_queued_bytes_(max_queued_bytes),
@@ -94,9 +94,7 @@ Status GroupCommitter::Write(Queued& queued) {
   FrameRecord& record = queued.record;
   record.digest = FrameDigest(*queued.pixels);
   record.bytes = queued.pixels->size();
-  MESORIG_ASSIGN_OR_RETURN(record.offset,
-                           segments_[static_cast<size_t>(record.camera)].Append(
-                               record.sequence, record.shot, record.digest, *queued.pixels));
+  MESORIG_ASSIGN_OR_RETURN(record.offset, segments_.Append(record, *queued.pixels));
   if (group_.empty()) group_began_ = HostClock::now();
   group_bytes_ += record.bytes;
   group_.push_back(std::move(record));
@@ -116,11 +114,7 @@ bool GroupCommitter::CommitIsDue() {
 }
 
 Status GroupCommitter::CommitGroup() {
-  std::vector<bool> touched(segments_.size());
-  for (const FrameRecord& record : group_) touched[static_cast<size_t>(record.camera)] = true;
-  for (size_t i = 0; i < segments_.size(); ++i) {
-    if (touched[i]) MESORIG_RETURN_IF_ERROR(segments_[i].Sync());
-  }
+  MESORIG_RETURN_IF_ERROR(segments_.Sync());
   MESORIG_RETURN_IF_ERROR(ledger_->Commit(group_));
   on_commit_(group_);
   MutexLock lock(mutex_);

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "daemon/session/ledger.h"
-#include "daemon/session/segment.h"
+#include "daemon/session/segment_files.h"
 #include "protocol/base/mutex.h"
 
 namespace mesorig::daemon {
@@ -23,8 +23,7 @@ inline constexpr size_t kCommitBytes = 32u << 20;                // or earlier, 
 class GroupCommitter {
  public:
   // `on_commit` is called on the writer thread with the rows of each group, in order of Append.
-  GroupCommitter(std::unique_ptr<Ledger> ledger, std::vector<SegmentWriter> segments,
-                 size_t max_queued_bytes,
+  GroupCommitter(std::unique_ptr<Ledger> ledger, SegmentWriters segments, size_t max_queued_bytes,
                  std::function<void(const std::vector<FrameRecord>&)> on_commit);
   ~GroupCommitter();  // Close
   GroupCommitter(const GroupCommitter&) = delete;
@@ -69,7 +68,7 @@ class GroupCommitter {
 
   // Of the writer thread.
   std::unique_ptr<Ledger> ledger_;
-  std::vector<SegmentWriter> segments_;
+  SegmentWriters segments_;
   std::vector<FrameRecord> group_;  // written, not yet committed
   size_t group_bytes_ = 0;
   HostClock::time_point group_began_;

@@ -2,6 +2,7 @@
 
 #include <sqlite3.h>
 
+#include <algorithm>
 #include <cstring>
 
 namespace mesorig::daemon {
@@ -9,7 +10,7 @@ namespace {
 
 constexpr char kSchema[] = R"(
   PRAGMA application_id = 0x4D534A31;
-  PRAGMA user_version = 1;
+  PRAGMA user_version = 2;
   CREATE TABLE session (
     only INTEGER PRIMARY KEY CHECK (only = 1),
     id TEXT NOT NULL, plan_name TEXT NOT NULL, plan_sha256 TEXT NOT NULL,
@@ -23,14 +24,21 @@ constexpr char kSchema[] = R"(
     exposure_start_ns INTEGER NOT NULL, exposure_end_ns INTEGER NOT NULL,
     exposure_s REAL NOT NULL, axis_rad BLOB NOT NULL, lamp_level BLOB NOT NULL,
     width INTEGER NOT NULL, height INTEGER NOT NULL, bits INTEGER NOT NULL,
-    digest TEXT NOT NULL, offset INTEGER NOT NULL, bytes INTEGER NOT NULL,
+    region_x INTEGER NOT NULL, region_y INTEGER NOT NULL,
+    laser_sweep INTEGER, laser_index INTEGER, laser_mount INTEGER, laser_tilt_rad REAL,
+    laser_on INTEGER,
+    digest TEXT NOT NULL, segment INTEGER NOT NULL, offset INTEGER NOT NULL,
+    bytes INTEGER NOT NULL,
     PRIMARY KEY (camera, sequence)) STRICT, WITHOUT ROWID;
 )";
 constexpr int kApplicationId = 0x4D534A31;  // "MSJ1"
+static_assert(Ledger::kSchemaVersion == 2, "kSchema says so too");
 
 constexpr char kColumns[] =
     "camera, sequence, shot, trigger_id, frame_id, supersedes, exposure_start_ns, "
-    "exposure_end_ns, exposure_s, axis_rad, lamp_level, width, height, bits, digest, offset, bytes";
+    "exposure_end_ns, exposure_s, axis_rad, lamp_level, width, height, bits, region_x, region_y, "
+    "laser_sweep, laser_index, laser_mount, laser_tilt_rad, laser_on, digest, segment, offset, "
+    "bytes";
 
 // A prepared statement, finalised with the object. Parameters and columns are taken in order.
 class Statement {
@@ -61,6 +69,10 @@ class Binder {
     sqlite3_bind_double(statement_, ++at_, value);
     return *this;
   }
+  Binder& Null() {
+    sqlite3_bind_null(statement_, ++at_);
+    return *this;
+  }
   Binder& Text(const std::string& value) {
     sqlite3_bind_text(statement_, ++at_, value.data(), static_cast<int>(value.size()),
                       SQLITE_TRANSIENT);
@@ -87,6 +99,7 @@ class Columns {
   explicit Columns(sqlite3_stmt* row) : row_(row) {}
   int64_t Int() { return sqlite3_column_int64(row_, at_++); }
   double Real() { return sqlite3_column_double(row_, at_++); }
+  bool IsNull() const { return sqlite3_column_type(row_, at_) == SQLITE_NULL; }
   std::string Text() {
     const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(row_, at_));
     const int size = sqlite3_column_bytes(row_, at_++);
@@ -105,9 +118,31 @@ class Columns {
   int at_ = 0;
 };
 
+// Frames without laser have NULL in all its columns.
+void BindLaser(Binder& binder, const std::optional<LaserRecord>& laser) {
+  if (!laser) {
+    binder.Null().Null().Null().Null().Null();
+    return;
+  }
+  binder.Int(laser->sweep).Int(laser->index).Int(laser->mount).Real(laser->tilt_rad);
+  binder.Int(laser->on);
+}
+
+std::optional<LaserRecord> ReadLaser(Columns& columns) {
+  const bool none = columns.IsNull();
+  LaserRecord laser;
+  laser.sweep = static_cast<uint32_t>(columns.Int());
+  laser.index = static_cast<uint32_t>(columns.Int());
+  laser.mount = static_cast<int>(columns.Int());
+  laser.tilt_rad = columns.Real();
+  laser.on = columns.Int() != 0;
+  if (none) return std::nullopt;
+  return laser;
+}
+
 void BindFrame(sqlite3_stmt* statement, const FrameRecord& r) {
-  Binder(statement)
-      .Int(r.camera)
+  Binder binder(statement);
+  binder.Int(r.camera)
       .Int(static_cast<int64_t>(r.sequence))
       .Int(r.shot)
       .Int(r.trigger_id)
@@ -121,7 +156,11 @@ void BindFrame(sqlite3_stmt* statement, const FrameRecord& r) {
       .Int(r.width)
       .Int(r.height)
       .Int(r.bits)
-      .Text(r.digest)
+      .Int(r.region_x)
+      .Int(r.region_y);
+  BindLaser(binder, r.laser);
+  binder.Text(r.digest)
+      .Int(r.segment)
       .Int(static_cast<int64_t>(r.offset))
       .Int(static_cast<int64_t>(r.bytes));
 }
@@ -143,7 +182,11 @@ FrameRecord ReadRow(sqlite3_stmt* row) {
   r.width = static_cast<int>(columns.Int());
   r.height = static_cast<int>(columns.Int());
   r.bits = static_cast<int>(columns.Int());
+  r.region_x = static_cast<int>(columns.Int());
+  r.region_y = static_cast<int>(columns.Int());
+  r.laser = ReadLaser(columns);
   r.digest = columns.Text();
+  r.segment = static_cast<uint32_t>(columns.Int());
   r.offset = static_cast<uint64_t>(columns.Int());
   r.bytes = static_cast<uint64_t>(columns.Int());
   return r;
@@ -187,8 +230,9 @@ StatusOr<std::unique_ptr<Ledger>> Ledger::Open(const std::filesystem::path& path
   }
   MESORIG_ASSIGN_OR_RETURN(const int version, ledger->UserVersion());
   if (version != kSchemaVersion) {
-    return FailedPrecondition("{}: schema version {}, this program reads {}", path.string(),
-                              version, kSchemaVersion);
+    return FailedPrecondition("{}: schema version {} is {} than {}, which this program reads",
+                              path.string(), version, version < kSchemaVersion ? "older" : "newer",
+                              kSchemaVersion);
   }
   return ledger;
 }
@@ -228,7 +272,7 @@ StatusOr<int> Ledger::UserVersion() {
 
 Status Ledger::InsertRows(const std::vector<FrameRecord>& rows) {
   Statement insert(db_, fmt::format("INSERT INTO frame ({}) VALUES "
-                                    "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)",
+                                    "(?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)",
                                     kColumns));
   for (const FrameRecord& row : rows) {
     if (!insert.ok()) return Error("preparing ledger rows");
@@ -318,6 +362,35 @@ StatusOr<std::optional<FrameRecord>> Ledger::Find(int camera, uint64_t sequence)
   }
   sqlite3_reset(find_);  // also ends the read transaction
   return found;
+}
+
+StatusOr<uint64_t> Ledger::LastOfStretch(const FrameRecord& row) {
+  Statement query(db_,
+                  "SELECT coalesce("
+                  "(SELECT min(sequence) - 1 FROM frame WHERE camera=?1 AND sequence>?2 AND "
+                  "segment<>?3), (SELECT max(sequence) FROM frame WHERE camera=?1), ?2)");
+  if (query.ok()) {
+    Binder(query.get()).Int(row.camera).Int(static_cast<int64_t>(row.sequence)).Int(row.segment);
+  }
+  if (query.Step() != SQLITE_ROW) return Error("reading the rows of a released sweep");
+  // (A damaged index could answer with less, and its caller would not come on.)
+  return std::max(row.sequence, static_cast<uint64_t>(Columns(query.get()).Int()));
+}
+
+StatusOr<Ledger::Coverage> Ledger::Cover(int camera, uint32_t segment, uint32_t first,
+                                         uint32_t count) {
+  Statement query(db_,
+                  "SELECT count(DISTINCT shot), coalesce(max(offset + bytes), 0) FROM frame "
+                  "WHERE camera=? AND segment=? AND shot>=? AND shot<?");
+  if (query.ok()) {
+    Binder(query.get()).Int(camera).Int(segment).Int(first).Int(int64_t{first} + count);
+  }
+  if (query.Step() != SQLITE_ROW) return Error("counting the rows of a sweep");
+  Columns columns(query.get());
+  Coverage coverage;
+  coverage.shots = static_cast<uint32_t>(columns.Int());
+  coverage.last_bytes = static_cast<uint64_t>(columns.Int());
+  return coverage;
 }
 
 StatusOr<std::vector<uint64_t>> Ledger::LastSequences(int cameras) {

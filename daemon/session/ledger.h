@@ -20,7 +20,7 @@ namespace mesorig::daemon {
 
 class Ledger {
  public:
-  static constexpr int kSchemaVersion = 1;
+  static constexpr int kSchemaVersion = 2;
 
   // A new journal with its session record (end open).
   static StatusOr<std::unique_ptr<Ledger>> Create(const std::filesystem::path& path,
@@ -42,6 +42,14 @@ class Ledger {
   // frames_durable is the number of rows.
   StatusOr<SessionSummary> ReadSummary();
   StatusOr<std::optional<FrameRecord>> Find(int camera, uint64_t sequence);
+  // The last row of the stretch that begins with `row`, all of its camera and its segment.
+  StatusOr<uint64_t> LastOfStretch(const FrameRecord& row);
+  // Of the rows of `camera` in `segment` with shots first .. first + count - 1.
+  struct Coverage {
+    uint32_t shots = 0;       // different ones
+    uint64_t last_bytes = 0;  // largest offset + bytes; 0: no rows
+  };
+  StatusOr<Coverage> Cover(int camera, uint32_t segment, uint32_t first, uint32_t count);
   // Highest sequence number of each camera; 0: none.
   StatusOr<std::vector<uint64_t>> LastSequences(int cameras);
   // By camera, then by sequence number; stops at the first error.

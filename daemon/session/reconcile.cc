@@ -1,5 +1,6 @@
 #include "daemon/session/reconcile.h"
 
+#include <algorithm>
 #include <map>
 #include <unordered_map>
 #include <vector>
@@ -34,9 +35,14 @@ class Reconciler {
     planned_.assign(rig.cameras.size(), std::vector<bool>(plan.shots));
     live_.assign(rig.cameras.size(), std::vector<uint64_t>(plan.shots));
     last_.assign(rig.cameras.size(), 0);
+    step_of_shot_.assign(plan.shots, nullptr);
     for (const Step& step : plan.steps) {
-      if (step.kind != StepKind::kShot) continue;
-      for (const int camera : step.cameras) planned_[camera].at(step.shot) = true;
+      if (step.kind != StepKind::kShot && step.kind != StepKind::kSweep) continue;
+      const uint32_t shots = step.kind == StepKind::kSweep ? step.sweep.frames : 1;
+      for (uint32_t shot = step.shot; shot - step.shot < shots; ++shot) {
+        step_of_shot_.at(shot) = &step;
+        for (const int camera : step.cameras) planned_[camera].at(shot) = true;
+      }
     }
   }
 
@@ -50,11 +56,7 @@ class Reconciler {
       findings_.Add("gaps in the sequence numbers", Name(r));
       last_[r.camera] = r.sequence;
     }
-    const mesorig::Camera& camera = rig_.cameras[r.camera];
-    if (r.width != camera.width || r.height != camera.height || r.bits != camera.bits) {
-      findings_.Add("frames of another size",
-                    fmt::format("{}: {} x {}, {} bits", Name(r), r.width, r.height, r.bits));
-    }
+    CheckPicture(r);
     uint64_t& live = live_[r.camera][r.shot];
     if (live != r.supersedes) {
       findings_.Add("frames beside or superseding a wrong one",
@@ -96,6 +98,32 @@ class Reconciler {
   }
 
  private:
+  // Size, depth and region; of a sweep also the place in it.
+  void CheckPicture(const FrameRecord& r) {
+    const mesorig::Camera& camera = rig_.cameras[r.camera];
+    const Step& step = *step_of_shot_[r.shot];
+    Region region{0, 0, camera.width, camera.height};
+    const bool sweeps = step.kind == StepKind::kSweep;
+    if (sweeps) {
+      const auto at = std::find(step.cameras.begin(), step.cameras.end(), r.camera);
+      if (at != step.cameras.end()) region = step.sweep.regions[at - step.cameras.begin()];
+    }
+    if (Region{r.region_x, r.region_y, r.width, r.height} != region || r.bits != camera.bits) {
+      findings_.Add("frames of another size",
+                    fmt::format("{}: {} x {}, {} bits, at ({}, {})", Name(r), r.width, r.height,
+                                r.bits, r.region_x, r.region_y));
+    }
+    const bool in_place = r.laser && r.laser->sweep == step.sweep.index &&
+                          r.laser->index == r.shot - step.shot &&
+                          r.laser->mount == step.sweep.mount;
+    if (sweeps ? !in_place : r.laser.has_value()) {
+      const std::string place = r.laser
+                                    ? fmt::format("frame {} of sweep {}, mount {}", r.laser->index,
+                                                  r.laser->sweep, r.laser->mount)
+                                    : "none";
+      findings_.Add("frames with another laser state", fmt::format("{}: {}", Name(r), place));
+    }
+  }
   std::string Name(const FrameRecord& r) const {
     return fmt::format("frame {} of camera {}, shot {}", r.sequence, r.camera, r.shot);
   }
@@ -103,6 +131,7 @@ class Reconciler {
   const CompiledPlan& plan_;
   const Rig& rig_;
   std::vector<std::vector<bool>> planned_;   // camera, shot
+  std::vector<const Step*> step_of_shot_;    // null: planned by none
   std::vector<std::vector<uint64_t>> live_;  // camera, shot: sequence number, 0: none
   std::vector<uint64_t> last_;               // camera
   std::unordered_map<uint32_t, uint32_t> shot_of_trigger_;

@@ -1,11 +1,15 @@
 #include "daemon/session/session.h"
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
 
 #include "daemon/session/group_committer.h"
 #include "daemon/session/ledger.h"
+#include "daemon/session/planned_sweeps.h"
 #include "daemon/session/reconcile.h"
-#include "daemon/session/segment.h"
+#include "daemon/session/released_sweeps.h"
+#include "daemon/session/segment_files.h"
 #include "daemon/session/session_folder.h"
 #include "protocol/base/digest.h"
 #include "protocol/base/file_writer.h"
@@ -13,6 +17,12 @@
 
 namespace mesorig::daemon {
 namespace {
+
+std::vector<std::string> CameraNames(const Rig& rig) {
+  std::vector<std::string> names;
+  for (const mesorig::Camera& camera : rig.cameras) names.push_back(camera.name);
+  return names;
+}
 
 class StoredSession final : public Session {
  public:
@@ -23,11 +33,19 @@ class StoredSession final : public Session {
         id_(summary.id),
         summary_(std::move(summary)),
         next_sequence_(rig_.cameras.size(), 1),
-        durable_(rig_.cameras.size(), 0) {}
+        durable_(rig_.cameras.size(), 0),
+        segments_(folder_, CameraNames(rig_), FindReleased(folder_, id_)) {}
   ~StoredSession() override { writer_.reset(); }  // its thread calls OnCommit
 
   // Opens the reader's ends; `plan`: begins writing.
   Status OpenFiles(const CompiledPlan* plan, const SessionOptions& options);
+
+  // What a kill left of released sweeps. (On a disk that cannot be written it stays.)
+  void RemoveReleased() const {
+    for (const uint32_t sweep : segments_.Released()) {
+      (void)RemoveSweepSegments(folder_, CameraNames(rig_), sweep).status();
+    }
+  }
 
   const std::string& id() const override { return id_; }
   const std::string& rig_toml() const override { return rig_.source_text; }
@@ -41,6 +59,7 @@ class StoredSession final : public Session {
   Status Finish(bool complete, std::string_view reason, double virtual_s, double wall_s,
                 bool deterministic) override;
   StatusOr<std::optional<StoredFrame>> Next(int camera, uint64_t cursor, int wait_ms) override;
+  StatusOr<uint64_t> ReleaseSweep(uint32_t sweep) override;
   void OnDurable(std::function<void(uint32_t)> listener) override {
     MutexLock lock(listener_mutex_);
     listener_ = std::move(listener);
@@ -52,24 +71,30 @@ class StoredSession final : public Session {
   Status CheckFrame(const FrameRecord& record, const std::string* pixels) const;
   void OnCommit(const std::vector<FrameRecord>& rows);
   StatusOr<FrameRecord> FindRow(int camera, uint64_t sequence);
-  StatusOr<std::shared_ptr<const std::string>> ReadPixels(const FrameRecord& record) const {
-    const auto& segment = segments_[static_cast<size_t>(record.camera)];
-    if (!segment.ok()) return DataLoss("{}", Message(segment.status()));
-    return segment->Read(record);
+  StatusOr<uint64_t> LastOfStretch(const FrameRecord& row) {
+    MutexLock lock(reader_mutex_);
+    return reader_->LastOfStretch(row);
   }
+  // Waits for a durable row of `camera` beyond the cursor; false: none came.
+  bool WaitForRow(int camera, uint64_t cursor, std::chrono::steady_clock::time_point deadline);
+  StatusOr<PlannedSweep> FindSweep(uint32_t sweep) const;
+  Status CheckDurable(const PlannedSweep& sweep);
 
   const SessionFolder folder_;
   const Rig rig_;
   const std::string plan_bin_;
   const std::string id_;
-  CompiledPlan plan_;                              // while writing
-  std::vector<StatusOr<SegmentReader>> segments_;  // one a camera; a lost file costs its frames
+  CompiledPlan plan_;     // while writing
+  PlannedSweeps sweeps_;  // while writing
 
   mutable Mutex mutex_;
   CondVar changed_;
   SessionSummary summary_ GUARDED_BY(mutex_);
   std::vector<uint64_t> next_sequence_;               // of the appending thread
   std::vector<uint64_t> durable_ GUARDED_BY(mutex_);  // each camera's last committed sequence
+
+  SegmentReaders segments_;
+  Mutex release_mutex_;  // one ReleaseSweep at a time; taken before the others
 
   Mutex reader_mutex_;
   std::unique_ptr<Ledger> reader_ GUARDED_BY(reader_mutex_);
@@ -81,9 +106,6 @@ class StoredSession final : public Session {
 };
 
 Status StoredSession::OpenFiles(const CompiledPlan* plan, const SessionOptions& options) {
-  for (const mesorig::Camera& camera : rig_.cameras) {
-    segments_.push_back(SegmentReader::Open(folder_.segment(camera.name)));
-  }
   {
     MutexLock lock(reader_mutex_);
     MESORIG_ASSIGN_OR_RETURN(reader_, Ledger::Open(folder_.journal()));
@@ -93,13 +115,10 @@ Status StoredSession::OpenFiles(const CompiledPlan* plan, const SessionOptions& 
   }
   if (plan == nullptr) return OkStatus();
   plan_ = *plan;
+  sweeps_ = PlannedSweeps(plan_);
   live_ = true;
-  std::vector<SegmentWriter> writers;
-  for (const mesorig::Camera& camera : rig_.cameras) {
-    MESORIG_ASSIGN_OR_RETURN(SegmentWriter writer,
-                             SegmentWriter::OpenAtEnd(folder_.segment(camera.name)));
-    writers.push_back(std::move(writer));
-  }
+  MESORIG_ASSIGN_OR_RETURN(SegmentWriters writers,
+                           SegmentWriters::Open(folder_, CameraNames(rig_), sweeps_));
   MESORIG_ASSIGN_OR_RETURN(std::unique_ptr<Ledger> ledger, Ledger::Open(folder_.journal()));
   writer_ = std::make_unique<GroupCommitter>(
       std::move(ledger), std::move(writers), options.max_queued_bytes,
@@ -120,12 +139,22 @@ Status StoredSession::CheckFrame(const FrameRecord& r, const std::string* pixels
                            id_, camera.name, r.shot, pixels == nullptr ? 0 : pixels->size(),
                            r.width, r.height, r.bits);
   }
+  if (r.region_x < 0 || r.region_y < 0 || (r.laser && !std::isfinite(r.laser->tilt_rad))) {
+    return InvalidArgument(
+        "session {}: camera {}, shot {}: region at ({}, {}) or tilt {} rad cannot be", id_,
+        camera.name, r.shot, r.region_x, r.region_y, r.laser ? r.laser->tilt_rad : 0);
+  }
   return OkStatus();
 }
 
 Status StoredSession::Append(FrameRecord record, std::shared_ptr<const std::string> pixels) {
   if (!writer_) return NotWriting();
   MESORIG_RETURN_IF_ERROR(CheckFrame(record, pixels.get()));
+  record.segment = sweeps_.SegmentOf(record.camera, record.shot);
+  if (segments_.IsReleased(record.segment)) {
+    return FailedPrecondition("session {}: shot {} is of sweep {}, which was released", id_,
+                              record.shot, record.segment - 1);
+  }
   record.sequence = next_sequence_[static_cast<size_t>(record.camera)]++;
   return writer_->Append(std::move(record), std::move(pixels));
 }
@@ -148,7 +177,7 @@ Status StoredSession::Finish(bool complete, std::string_view reason, double virt
   if (!writer_) return NotWriting();
   Status status = writer_->Close();
   if (status.ok() && complete) {
-    const auto verify = [&](const FrameRecord& row) { return ReadPixels(row).status(); };
+    const auto verify = [&](const FrameRecord& row) { return segments_.Read(row).status(); };
     status =
         Annotate(Reconcile(plan_, rig_, writer_->ledger(), verify), fmt::format("session {}", id_));
   }
@@ -191,35 +220,78 @@ StatusOr<std::optional<StoredFrame>> StoredSession::Next(int camera, uint64_t cu
                            rig_.cameras.size());
   }
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::milliseconds(wait_ms);
-  {
-    MutexLock lock(mutex_);
-    while (durable_[static_cast<size_t>(camera)] <= cursor) {
-      const auto left = deadline - std::chrono::steady_clock::now();
-      if (!live_ || summary_.end != SessionEnd::kOpen || left <= left.zero()) {
-        return std::optional<StoredFrame>();
-      }
-      changed_.WaitFor(mutex_, left);
+  while (WaitForRow(camera, cursor, deadline)) {
+    MESORIG_ASSIGN_OR_RETURN(FrameRecord row, FindRow(camera, cursor + 1));
+    MESORIG_ASSIGN_OR_RETURN(auto pixels, segments_.Read(row));
+    if (pixels != nullptr) {
+      return std::optional<StoredFrame>(StoredFrame{std::move(row), std::move(pixels)});
     }
+    MESORIG_ASSIGN_OR_RETURN(cursor, LastOfStretch(row));
   }
-  MESORIG_ASSIGN_OR_RETURN(FrameRecord row, FindRow(camera, cursor + 1));
-  MESORIG_ASSIGN_OR_RETURN(auto pixels, ReadPixels(row));
-  return std::optional<StoredFrame>(StoredFrame{std::move(row), std::move(pixels)});
+  return std::optional<StoredFrame>();
 }
 
-// A plan whose steps do not fit its own totals or the rig is a bug of its maker, but no reason to
-// crash while counting its frames.
-Status CheckPlan(const CompiledPlan& plan, const Rig& rig) {
-  for (const Step& step : plan.steps) {
-    if (step.kind != StepKind::kShot) continue;
-    const bool cameras_fit = std::all_of(step.cameras.begin(), step.cameras.end(), [&](int c) {
-      return c >= 0 && static_cast<size_t>(c) < rig.cameras.size();
-    });
-    if (step.shot >= plan.shots || !cameras_fit) {
-      return InvalidArgument("plan {}: shot {} does not fit its {} shots or the rig's {} cameras",
-                             plan.name, step.shot, plan.shots, rig.cameras.size());
+bool StoredSession::WaitForRow(int camera, uint64_t cursor,
+                               std::chrono::steady_clock::time_point deadline) {
+  MutexLock lock(mutex_);
+  while (durable_[static_cast<size_t>(camera)] <= cursor) {
+    const auto left = deadline - std::chrono::steady_clock::now();
+    if (!live_ || summary_.end != SessionEnd::kOpen || left <= left.zero()) return false;
+    changed_.WaitFor(mutex_, left);
+  }
+  return true;
+}
+
+StatusOr<PlannedSweep> StoredSession::FindSweep(uint32_t sweep) const {
+  PlannedSweeps unpacked;
+  if (!live_) {  // (one that is read only has not looked into its plan before)
+    MESORIG_ASSIGN_OR_RETURN(const CompiledPlan plan, UnpackPlan(plan_bin_, rig_));
+    MESORIG_RETURN_IF_ERROR(CheckPlan(plan, rig_));
+    unpacked = PlannedSweeps(plan);
+  }
+  const PlannedSweep* found = (live_ ? sweeps_ : unpacked).Find(sweep);
+  if (found == nullptr) return NotFound("session {}: its plan has no sweep {}", id_, sweep);
+  return *found;
+}
+
+// Every planned frame has its row, and the disk has what the rows speak of: what was lost is never
+// called released.
+Status StoredSession::CheckDurable(const PlannedSweep& sweep) {
+  for (const int camera : sweep.cameras) {
+    const std::string& name = rig_.cameras[static_cast<size_t>(camera)].name;
+    Ledger::Coverage rows;
+    {
+      MutexLock lock(reader_mutex_);
+      MESORIG_ASSIGN_OR_RETURN(
+          rows, reader_->Cover(camera, sweep.segment(), sweep.first_shot, sweep.frames));
+    }
+    if (rows.shots != sweep.frames) {
+      return FailedPrecondition("session {}: sweep {}: {} of {} frames of camera {} are durable",
+                                id_, sweep.sweep, rows.shots, sweep.frames, name);
+    }
+    const std::filesystem::path path = folder_.segment(name, sweep.segment());
+    std::error_code error;
+    const uint64_t bytes = std::filesystem::file_size(path, error);
+    if (error || bytes < rows.last_bytes + kRecordHeaderBytes) {
+      return DataLoss("{}: has {} bytes, the ledger's rows need {}", path.string(),
+                      error ? 0 : bytes, rows.last_bytes + kRecordHeaderBytes);
     }
   }
   return OkStatus();
+}
+
+StatusOr<uint64_t> StoredSession::ReleaseSweep(uint32_t sweep) {
+  MutexLock lock(release_mutex_);
+  MESORIG_ASSIGN_OR_RETURN(const PlannedSweep planned, FindSweep(sweep));
+  if (planned.keep_frames) {
+    return FailedPrecondition("session {}: the plan keeps the frames of sweep {}", id_, sweep);
+  }
+  if (!segments_.IsReleased(planned.segment())) {
+    MESORIG_RETURN_IF_ERROR(CheckDurable(planned));
+    MESORIG_RETURN_IF_ERROR(MarkReleased(folder_, id_, sweep));
+    segments_.Release(sweep);  // before the files go: a reader that misses one sees why
+  }
+  return RemoveSweepSegments(folder_, CameraNames(rig_), sweep);
 }
 
 Status CheckSha(const std::filesystem::path& file, std::string_view bytes,
@@ -266,6 +338,7 @@ StatusOr<std::shared_ptr<Session>> Session::Open(const std::filesystem::path& ro
   auto session = std::make_shared<StoredSession>(std::move(folder), std::move(rig),
                                                  std::move(plan_bin), std::move(summary));
   MESORIG_RETURN_IF_ERROR(session->OpenFiles(nullptr, {}));
+  session->RemoveReleased();
   return session;
 }
 

@@ -35,9 +35,9 @@ struct FrameRecord {
   int width = 0, height = 0, bits = 0;       // of the region that was read
   int region_x = 0, region_y = 0;            // its origin on the sensor
   std::optional<LaserRecord> laser;          // frames of a sweep only
-  std::string digest;              // XXH3-128 of the pixels; computed by Append
-  uint32_t segment = 0;            // of the camera; assigned by Append
-  uint64_t offset = 0, bytes = 0;  // in that segment; assigned by Append
+  std::string digest;                        // XXH3-128 of the pixels; computed by Append
+  uint32_t segment = 0;                      // of the camera; assigned by Append
+  uint64_t offset = 0, bytes = 0;            // in that segment; assigned by Append
 };
 
 struct StoredFrame {
@@ -72,7 +72,7 @@ class Session {
                                                    SessionOptions options = {});
   // Opens an ended (or killed) one for reading; of a killed one what was committed is readable.
   // NotFound; DataLoss for a journal, plan.bin or rig.toml that is not as it was written;
-  // FailedPrecondition for a newer format.
+  // FailedPrecondition for another version of the format. Goes on with removing what was released.
   static StatusOr<std::shared_ptr<Session>> Open(const std::filesystem::path& root,
                                                  const std::string& id);
   virtual ~Session() = default;
@@ -86,7 +86,8 @@ class Session {
   // An earlier failure of the writer comes back here (Unavailable: file, operation, bytes): the
   // session is then broken. Blocks, in host time, while SessionOptions::max_queued_bytes wait for
   // the disk; as the caller is a rig thread, virtual time stands still meanwhile. InvalidArgument
-  // for a camera that the rig lacks, or pixels that are not width x height of `bits` bits.
+  // for a camera that the rig lacks, or pixels that are not width x height of `bits` bits;
+  // FailedPrecondition for a frame of a released sweep.
   virtual Status Append(FrameRecord record, std::shared_ptr<const std::string> pixels) = 0;
   // Returns when everything appended is durable.
   virtual Status Flush() = 0;
@@ -101,8 +102,10 @@ class Session {
   // frame that is damaged; the ones after it are still to be had.
   virtual StatusOr<std::optional<StoredFrame>> Next(int camera, uint64_t cursor, int wait_ms) = 0;
   // Deletes the raw frames of a sweep; ledger rows and digests stay, and Next passes over them.
-  // Returns the bytes freed (0 when they were gone already). FailedPrecondition unless the plan says
-  // so of this sweep and all its frames are durable; NotFound for a sweep that the plan lacks.
+  // Returns the bytes freed (0 when they were gone already). FailedPrecondition unless the plan
+  // says so of this sweep and all its frames are durable; NotFound for a sweep that the plan lacks;
+  // DataLoss when frames of it were lost before; Unavailable when a file cannot be removed (the
+  // sweep may be released then, and another call goes on).
   virtual StatusOr<uint64_t> ReleaseSweep(uint32_t sweep) = 0;
   // Called after each group commit with the number of durable frames; one listener.
   virtual void OnDurable(std::function<void(uint32_t frames_durable)> listener) = 0;

@@ -37,14 +37,6 @@ std::string MakeId(std::chrono::system_clock::time_point when, std::string_view 
   return fmt::format("{}.{:03}Z-{}", stamp, ms.count() % 1000, name);
 }
 
-Status SyncFolder(const std::filesystem::path& dir) {
-  const UniqueFd fd(::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (fd.get() < 0 || ::fsync(fd.get()) != 0) {
-    return Unavailable("{}: fsync: {}", dir.string(), strerror(errno));
-  }
-  return OkStatus();
-}
-
 Status FillFolder(const SessionFolder& folder, const Rig& rig, std::string_view plan_bin,
                   const SessionSummary& session) {
   MESORIG_RETURN_IF_ERROR(WriteFileAtomically(folder.plan(), plan_bin));
@@ -62,12 +54,23 @@ Status FillFolder(const SessionFolder& folder, const Rig& rig, std::string_view 
         SegmentWriter::Create(folder.segment(name), static_cast<int>(i), name));
     MESORIG_RETURN_IF_ERROR(segment.Sync());
   }
+  if (::mkdir(folder.sweeps().c_str(), 0755) != 0) {
+    return Unavailable("{}: cannot be created: {}", folder.sweeps().string(), strerror(errno));
+  }
   MESORIG_ASSIGN_OR_RETURN(const auto ledger, Ledger::Create(folder.journal(), session));
   MESORIG_RETURN_IF_ERROR(ledger->Checkpoint());
   return SyncFolder(folder.dir());
 }
 
 }  // namespace
+
+Status SyncFolder(const std::filesystem::path& dir) {
+  const UniqueFd fd(::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (fd.get() < 0 || ::fsync(fd.get()) != 0) {
+    return Unavailable("{}: fsync: {}", dir.string(), strerror(errno));
+  }
+  return OkStatus();
+}
 
 bool IsFileName(std::string_view name) {
   return !name.empty() && name.size() <= 2 * kMaxName && name.front() != '.' &&

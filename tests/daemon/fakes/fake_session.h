@@ -46,6 +46,9 @@ class FakeSession final : public Session {
   StatusOr<std::optional<StoredFrame>> Next(int, uint64_t, int) override {
     return Unimplemented("not read in these tests");
   }
+  StatusOr<uint64_t> ReleaseSweep(uint32_t) override {
+    return Unimplemented("not released in these tests");
+  }
   void OnDurable(std::function<void(uint32_t)> listener) override {
     std::lock_guard lock(mutex_);
     on_durable_ = std::move(listener);

@@ -133,6 +133,57 @@ TEST_F(FramesServiceTest, WrongRequestsAreRefused) {
   }
 }
 
+TEST_F(FramesServiceTest, ASweepIsReleasedAndItsFramesArePassedOver) {
+  const CompiledPlan plan = SweepingPlan(rig_);
+  const auto release = [&](const std::string& id, uint32_t sweep, v1::ReleaseSweepReply* reply) {
+    grpc::ClientContext context;
+    v1::ReleaseSweepRequest request;
+    request.set_session_id(id);
+    request.set_sweep(sweep);
+    return frames_->ReleaseSweep(&context, request, reply);
+  };
+  std::string id;
+  {
+    auto session = Session::Create(root(), plan, rig_);
+    ASSERT_TRUE(session.ok());
+    id = (*session)->id();
+    ASSERT_TRUE(AppendAll(**session, plan).ok());
+    ASSERT_TRUE((*session)->Finish(true, "", 1, 1, true).ok());
+  }
+  std::vector<v1::Frame> before, after;
+  ASSERT_TRUE(Subscribe(id, 3, 0, &before).ok());
+  ASSERT_EQ(before.size(), 20u);
+  EXPECT_FALSE(before[7].header().has_laser());
+  EXPECT_EQ(before[7].header().region_x(), 0u);
+  const v1::FrameHeader& swept = before[12].header();  // the second frame of sweep 1
+  EXPECT_EQ(swept.region_x(), 2u);
+  EXPECT_EQ(swept.region_y(), 4u);
+  EXPECT_EQ(swept.width(), 6u);
+  EXPECT_EQ(swept.laser().sweep(), 1u);
+  EXPECT_EQ(swept.laser().index(), 1u);
+  EXPECT_EQ(swept.laser().mount(), 1u);
+  EXPECT_EQ(swept.laser().tilt_rad(), 0.01 - 0.001);
+  EXPECT_FALSE(swept.laser().on());
+  EXPECT_TRUE(before[13].header().laser().on());
+
+  v1::ReleaseSweepReply reply;
+  EXPECT_EQ(release("nothing", 1, &reply).error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(release(id, 3, &reply).error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(release(id, 0, &reply).error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  const grpc::Status released = release(id, 1, &reply);
+  ASSERT_TRUE(released.ok()) << released.error_message();
+  EXPECT_GT(reply.bytes_freed(), 15u * 48);
+  ASSERT_TRUE(release(id, 1, &reply).ok()) << "again";
+  EXPECT_EQ(reply.bytes_freed(), 0u);
+  ASSERT_TRUE(release(id, 2, &reply).ok());
+  const grpc::Status status = Subscribe(id, 3, 0, &after);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  ASSERT_EQ(after.size(), 11u);
+  for (size_t i = 0; i < after.size(); ++i) {
+    EXPECT_EQ(after[i].SerializeAsString(), before[i].SerializeAsString());
+  }
+}
+
 // A subscriber that leaves, and one that is there when the daemon ends: both are let go at once.
 TEST_F(FramesServiceTest, StreamsEndWithTheirClientAndWithTheDaemon) {
   const auto session = StartSession();

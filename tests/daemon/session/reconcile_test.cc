@@ -103,5 +103,90 @@ TEST_F(ReconcileTest, AnIncompleteEndKeepsItsReason) {
   EXPECT_EQ(s.frames_durable, 1u);
 }
 
+class ReconcileSweeps : public ReconcileTest {
+ protected:
+  void SetUp() override {
+    auto session = Session::Create(folder_.path(), plan_, rig_);
+    ASSERT_TRUE(session.ok()) << session.status();
+    session_ = *session;
+  }
+  const Step& LastSweep() const { return plan_.steps.back(); }  // shots 16..19, all cameras
+  // Everything but frame `index` of camera 5 in the last sweep.
+  void AppendAllBut(uint32_t missing) {
+    CompiledPlan others = plan_;
+    others.steps.pop_back();
+    ASSERT_TRUE(AppendAll(*session_, others).ok());
+    for (uint32_t index = 0; index < 4; ++index) {
+      for (size_t k = 0; k < 8; ++k) {
+        if (k == 5 && index == missing) continue;
+        ASSERT_TRUE(AppendSweepFrame(*session_, SweepFrameOf(LastSweep(), k, index)).ok());
+      }
+    }
+  }
+  const CompiledPlan plan_ = SweepingPlan(rig_);
+};
+
+TEST_F(ReconcileSweeps, ReleasedSweepsStandByTheirRows) {
+  ASSERT_TRUE(AppendAll(*session_, plan_).ok());
+  ASSERT_TRUE(session_->Flush().ok());
+  ASSERT_TRUE(session_->ReleaseSweep(1).ok());
+  ASSERT_TRUE(session_->ReleaseSweep(2).ok());
+  const Status status = Finish();
+  EXPECT_TRUE(status.ok()) << status;
+}
+
+TEST_F(ReconcileSweeps, AMissingFrameIsNamedBesideReleasedSweeps) {
+  AppendAllBut(2);
+  ASSERT_TRUE(session_->Flush().ok());
+  ASSERT_TRUE(session_->ReleaseSweep(1).ok());
+  EXPECT_TRUE(absl::IsFailedPrecondition(session_->ReleaseSweep(2).status()));
+  const Status status = Finish();
+  EXPECT_TRUE(Says(status, "of 117 planned frames 1 are missing (first: shot 18, camera cam5)"))
+      << status;
+}
+
+TEST_F(ReconcileSweeps, WhatTheDiskLostOfASweepIsFound) {
+  ASSERT_TRUE(AppendAll(*session_, plan_).ok());
+  ASSERT_TRUE(session_->Flush().ok());
+  std::filesystem::remove(folder_.path() / session_->id() / "sweeps/00001.cam6.seg");
+  const Status status = Finish();
+  EXPECT_TRUE(Says(status, "5 frames are damaged")) << status;
+  EXPECT_TRUE(Says(status, "00001.cam6.seg")) << status;
+}
+
+TEST_F(ReconcileSweeps, RegionsAndPlacesInTheSweepAreThePlans) {
+  AppendAllBut(3);
+  FrameRecord frame = SweepFrameOf(LastSweep(), 5, 3);
+  frame.region_x = 0;
+  frame.laser->index = 2;
+  ASSERT_TRUE(AppendSweepFrame(*session_, frame).ok());
+  const Status status = Finish();
+  EXPECT_TRUE(Says(status,
+                   "1 frames of another size (first: frame 12 of camera 5, shot 19: 6 x "
+                   "4, 12 bits, at (0, 4))"))
+      << status;
+  EXPECT_TRUE(Says(status,
+                   "1 frames with another laser state (first: frame 12 of camera 5, shot "
+                   "19: frame 2 of sweep 2, mount 0)"))
+      << status;
+}
+
+TEST_F(ReconcileSweeps, ASweepsFrameHasALaserAndAGridsHasNone) {
+  AppendAllBut(3);
+  FrameRecord without = SweepFrameOf(LastSweep(), 5, 3);
+  without.laser.reset();
+  ASSERT_TRUE(AppendSweepFrame(*session_, without).ok());
+  FrameRecord with = FrameOf(2, 1);
+  with.supersedes = 2;
+  with.trigger_id = 900;
+  with.laser = LaserRecord{};
+  ASSERT_TRUE(session_->Append(with, PixelsOf(2, 1)).ok());
+  const Status status = Finish();
+  EXPECT_TRUE(Says(status,
+                   "2 frames with another laser state (first: frame 13 of camera 2, shot "
+                   "1: frame 0 of sweep 0, mount 0)"))
+      << status;
+}
+
 }  // namespace
 }  // namespace mesorig::daemon

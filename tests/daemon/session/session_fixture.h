@@ -63,6 +63,31 @@ inline CompiledPlan SmallPlan(const Rig& rig, int positions = 1, std::string_vie
   return *std::move(plan);
 }
 
+// SmallPlan and three sweeps: 0 (3 frames of cameras 1 and 3) is kept, of 1 (5 frames of cameras 0,
+// 3 and 6) and 2 (4 frames of all) only displacements are. Shots 0-7 are the grid's, then 8-10,
+// 11-15, 16-19.
+inline CompiledPlan SweepingPlan(const Rig& rig) {
+  CompiledPlan plan = SmallPlan(rig);
+  const std::vector<std::vector<int>> cameras = {{1, 3}, {0, 3, 6}, {0, 1, 2, 3, 4, 5, 6, 7}};
+  const uint32_t frames[] = {3, 5, 4};
+  for (uint32_t i = 0; i < 3; ++i) {
+    Step step;
+    step.kind = StepKind::kSweep;
+    step.shot = plan.shots;
+    step.exposure_s = 0.02;
+    step.cameras = cameras[i];
+    step.sweep = {i, static_cast<int>(i % 2), 0.01, -0.01, frames[i], 15, i == 0, {}};
+    for (const int camera : step.cameras) {
+      step.sweep.regions.push_back(camera % 2 ? Region{2, 4, 6, 4} : Region{0, 2, 4, 6});
+    }
+    plan.shots += frames[i];
+    plan.frames += frames[i] * static_cast<uint32_t>(step.cameras.size());
+    ++plan.sweeps;
+    plan.steps.push_back(step);
+  }
+  return plan;
+}
+
 inline std::shared_ptr<const std::string> PixelsOf(int camera, uint32_t shot, size_t bytes = 128) {
   auto pixels = std::make_shared<std::string>(bytes, '\0');
   std::mt19937 random(shot * 8u + static_cast<unsigned>(camera));
@@ -87,6 +112,35 @@ inline FrameRecord FrameOf(int camera, uint32_t shot) {
   return r;
 }
 
+// Frame `index` of the sweep, of its k-th camera.
+inline FrameRecord SweepFrameOf(const Step& step, size_t k, uint32_t index) {
+  FrameRecord r = FrameOf(step.cameras[k], step.shot + index);
+  const Region& region = step.sweep.regions[k];
+  r.region_x = region.x;
+  r.region_y = region.y;
+  r.width = region.width;
+  r.height = region.height;
+  r.laser = {step.sweep.index, index, step.sweep.mount, 0.01 - 0.001 * index, index != 1};
+  return r;
+}
+
+inline size_t BytesOf(const FrameRecord& r) {
+  return static_cast<size_t>(r.width) * static_cast<size_t>(r.height) * 2;
+}
+
+inline Status AppendSweepFrame(Session& session, const FrameRecord& r) {
+  return session.Append(r, PixelsOf(r.camera, r.shot, BytesOf(r)));
+}
+
+inline Status AppendSweep(Session& session, const Step& step) {
+  for (uint32_t index = 0; index < step.sweep.frames; ++index) {
+    for (size_t k = 0; k < step.cameras.size(); ++k) {
+      MESORIG_RETURN_IF_ERROR(AppendSweepFrame(session, SweepFrameOf(step, k, index)));
+    }
+  }
+  return OkStatus();
+}
+
 inline Status AppendShot(Session& session, const Step& step) {
   for (const int camera : step.cameras) {
     MESORIG_RETURN_IF_ERROR(
@@ -98,8 +152,25 @@ inline Status AppendShot(Session& session, const Step& step) {
 inline Status AppendAll(Session& session, const CompiledPlan& plan) {
   for (const Step& step : plan.steps) {
     if (step.kind == StepKind::kShot) MESORIG_RETURN_IF_ERROR(AppendShot(session, step));
+    if (step.kind == StepKind::kSweep) MESORIG_RETURN_IF_ERROR(AppendSweep(session, step));
   }
   return OkStatus();
+}
+
+// Follows the stream of one camera as a consumer does: the shots that it gets, until nothing comes.
+// A frame that cannot be read ends it.
+inline StatusOr<std::vector<uint32_t>> ShotsOf(Session& session, int camera) {
+  std::vector<uint32_t> shots;
+  uint64_t cursor = 0;
+  for (;;) {
+    MESORIG_ASSIGN_OR_RETURN(const auto frame, session.Next(camera, cursor, 0));
+    if (!frame.has_value()) return shots;
+    const FrameRecord& r = frame->record;
+    EXPECT_GT(r.sequence, cursor);
+    EXPECT_EQ(*frame->pixels, *PixelsOf(camera, r.shot, r.bytes));
+    shots.push_back(r.shot);
+    cursor = r.sequence;
+  }
 }
 
 // What a consumer gets of one camera: good frames, and the errors beside them.
@@ -114,7 +185,8 @@ inline Replay ReadAll(Session& session, int camera, uint64_t upto) {
     if (!frame.ok()) {
       replay.bad.emplace_back(cursor + 1, frame.status());
     } else if (frame->has_value()) {
-      EXPECT_EQ(*(*frame)->pixels, *PixelsOf(camera, (*frame)->record.shot));
+      EXPECT_EQ(*(*frame)->pixels,
+                *PixelsOf(camera, (*frame)->record.shot, (*frame)->record.bytes));
       replay.good.push_back((*frame)->record);
     }
   }
