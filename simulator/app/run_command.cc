@@ -18,6 +18,8 @@ struct RunOptions {
   std::string runtime_dir = DefaultRuntimeDir().string();
   uint64_t seed = 1;
   int samples_per_side = 2;
+  int cache_mb = 512;
+  std::string log;
 };
 
 // SIGINT and SIGTERM, waited for by a thread of its own: handlers can do next to nothing.
@@ -53,7 +55,12 @@ Status Run(const RunOptions& options) {
   MESORIG_ASSIGN_OR_RETURN(const auto world, world::World::Build(std::move(sample.surface)));
   world::ImageOptions image_options;
   image_options.samples_per_side = options.samples_per_side;
-  WorldRig world_rig(rig, *world, options.seed, image_options);
+  image_options.cache_bytes = static_cast<size_t>(options.cache_mb) << 20;
+  std::unique_ptr<RigLog> log;
+  if (!options.log.empty()) {
+    MESORIG_ASSIGN_OR_RETURN(log, RigLog::Create(options.log));
+  }
+  WorldRig world_rig(rig, *world, options.seed, image_options, log.get());
   MESORIG_ASSIGN_OR_RETURN(auto slave, LampSlave::Listen(world_rig.lamps(), rig.lamp_bank.unit));
   MESORIG_ASSIGN_OR_RETURN(auto listener, sim_wire::Listen(endpoint.socket_path()));
   sim_wire::SimServerOptions server_options;
@@ -87,6 +94,14 @@ Command AddRunCommand(CLI::App& app) {
                   "Rays a pixel along each side: more is slower and smoother")
       ->check(CLI::Range(1, 16))
       ->capture_default_str();
+  run->add_option("--cache-mb", options->cache_mb,
+                  "Memory for what the cameras' rays met: eight views of a turntable position "
+                  "should fit")
+      ->check(CLI::Range(16, 1 << 20))
+      ->capture_default_str();
+  run->add_option("--log", options->log,
+                  "Write what really happens at the rig: laser on and off, axes, contactor, mount "
+                  "(tab-separated, one line an event)");
   return {run, [options] { return Run(*options); }};
 }
 

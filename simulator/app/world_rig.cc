@@ -5,20 +5,45 @@
 namespace mesorig::simulator {
 
 WorldRig::WorldRig(const Rig& rig, const world::World& world, uint64_t seed,
-                   world::ImageOptions options)
+                   world::ImageOptions options, RigLog* log)
     : rig_(rig),
       seed_(seed),
       can_(rig, seed, contactor_),
       lamps_(rig, contactor_),
-      lines_(rig.lines, contactor_),
+      laser_(rig.laser ? std::make_unique<LaserUnit>(rig, seed, contactor_) : nullptr),
+      brick_(rig.laser ? std::make_unique<NxtBrick>(rig, *laser_) : nullptr),
+      lines_(rig.lines, contactor_, laser_.get()),
       images_(rig, world, options) {
   for (size_t i = 0; i < rig.cameras.size(); ++i) {
     cameras_.push_back(std::make_unique<CameraDevice>(rig, static_cast<int>(i), *this));
   }
+  if (log != nullptr) LogTo(*log);
+}
+
+void WorldRig::LogTo(RigLog& log) {
+  log.Write({}, "contactor", contactor_.closed() ? "closed" : "open");
+  contactor_.OnChange([&log](bool closed, RigTime now) {
+    log.Write(now, "contactor", closed ? "closed" : "open");
+  });
+  for (const Axis& axis : rig_.axes) log.Write({}, "axis " + axis.name, "stands");
+  can_.OnMotion([this, &log](size_t axis, bool moves, RigTime now) {
+    log.Write(now, "axis " + rig_.axes[axis].name, moves ? "moves" : "stands");
+  });
+  if (!laser_) return;
+  log.Write({}, "mount", rig_.laser->mounts[laser_->mount()].name);
+  log.Write({}, "laser", "off");
+  laser_->OnMount([this, &log](int mount, RigTime now) {
+    log.Write(now, "mount", rig_.laser->mounts[mount].name);
+  });
+  laser_->OnShine(
+      [&log](bool shines, RigTime now) { log.Write(now, "laser", shines ? "on" : "off"); });
+  brick_->OnMotor([&log](std::string_view what, RigTime now) { log.Write(now, "motor", what); });
 }
 
 std::vector<sim_wire::SimDevice*> WorldRig::Devices() {
-  std::vector<sim_wire::SimDevice*> devices = {&can_, &lamps_, &lines_};
+  std::vector<sim_wire::SimDevice*> devices = {&can_, &lamps_};
+  if (brick_) devices.push_back(brick_.get());
+  devices.push_back(&lines_);
   for (const auto& camera : cameras_) devices.push_back(camera.get());
   return devices;
 }
@@ -36,6 +61,13 @@ ImageSource::Scene WorldRig::Observe(RigTime from, RigTime to) {
   scene.lamp_level = lamps_.MeanLevels(from, to);
   scene.key.lamp_levels = lamps_.CommandedLevels();
   scene.key.seed = seed_;
+  if (laser_) {
+    scene.laser_mount = laser_->mount();
+    scene.laser_level = laser_->MeanLevel(from, to);
+    if (scene.laser_level > 0) scene.laser_tilt_rad = laser_->Tilt(middle);
+    scene.key.laser_level = scene.laser_level;
+    scene.key.laser_tilt_rad = scene.laser_tilt_rad;
+  }
   return scene;
 }
 

@@ -11,17 +11,22 @@
 #include "simulator/devices/contactor.h"
 #include "simulator/devices/digital_lines/digital_lines.h"
 #include "simulator/devices/lamp_slave/lamp_bank_model.h"
+#include "simulator/devices/laser_unit/laser_unit.h"
+#include "simulator/devices/nxt_brick/nxt_brick.h"
+#include "simulator/devices/rig_log.h"
 #include "simulator/world/camera_image.h"
 #include "simulator/world/world.h"
 
 namespace mesorig::simulator {
 
-// Owns all devices; the world and the rig are borrowed. Called by the dispatcher only.
+// Owns all devices; the world, the rig and the log are borrowed. Called by the dispatcher only.
 class WorldRig final : public ImageSource {
  public:
-  WorldRig(const Rig& rig, const world::World& world, uint64_t seed, world::ImageOptions options);
+  // log: optional.
+  WorldRig(const Rig& rig, const world::World& world, uint64_t seed, world::ImageOptions options,
+           RigLog* log = nullptr);
 
-  // In the order of effects within an instant: can, lamps, lines, cameras.
+  // In the order of effects within an instant: can, lamps, nxt (with a laser), lines, cameras.
   std::vector<sim_wire::SimDevice*> Devices();
   LampBankModel& lamps() { return lamps_; }
 
@@ -30,11 +35,15 @@ class WorldRig final : public ImageSource {
                                                  double exposure_s) override;
 
  private:
+  void LogTo(RigLog& log);
+
   const Rig& rig_;
   const uint64_t seed_;
   Contactor contactor_;
   CanBusDevice can_;
   LampBankModel lamps_;
+  std::unique_ptr<LaserUnit> laser_;  // with its brick; none in a rig that has none
+  std::unique_ptr<NxtBrick> brick_;
   DigitalLinesDevice lines_;
   std::vector<std::unique_ptr<CameraDevice>> cameras_;
   world::CameraImages images_;

@@ -31,6 +31,12 @@ CanBusDevice::CanBusDevice(const Rig& rig, uint64_t seed, Contactor& contactor) 
   });
 }
 
+void CanBusDevice::OnMotion(const std::function<void(size_t, bool, RigTime)>& f) {
+  for (size_t axis = 0; axis < nodes_.size(); ++axis) {
+    nodes_[axis]->OnMotion([f, axis](bool moves, RigTime now) { f(axis, moves, now); });
+  }
+}
+
 void CanBusDevice::Command(RigTime now, std::string_view payload, sim_wire::Outbox& out) {
   const auto frame = sim_wire::UnpackCanFrame(payload);
   if (!frame.ok()) {

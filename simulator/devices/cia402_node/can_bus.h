@@ -1,6 +1,7 @@
 #pragma once
 // The CAN bus of the rig as one SimDevice: every node hears every frame.
 
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -22,6 +23,8 @@ class CanBusDevice final : public sim_wire::SimDevice {
   RigTime NextEvent() const override;
   void RunEvent(RigTime now, sim_wire::Outbox& out) override;
 
+  // Told when an axis (index into Rig::axes) begins to move and when it stands again.
+  void OnMotion(const std::function<void(size_t axis, bool moves, RigTime)>& f);
   const Cia402Node& node(size_t axis) const { return *nodes_[axis]; }
   size_t node_count() const { return nodes_.size(); }
 

@@ -214,6 +214,13 @@ void Cia402Node::StartMotion(double target, double velocity, RigTime now) {
   target_reached_ = false;
   const uint32_t period = Value(0x1802, 5);
   next_status_ = period == 0 ? kNever : now + milliseconds(period);
+  SetMoves(motion_.duration_s() > 0, now);
+}
+
+void Cia402Node::SetMoves(bool moves, RigTime now) {
+  if (moves == moves_) return;
+  moves_ = moves;
+  if (on_motion_) on_motion_(moves, now);
 }
 
 void Cia402Node::StandStill(RigTime now) {
@@ -222,6 +229,7 @@ void Cia402Node::StandStill(RigTime now) {
   motion_pending_ = homing_ = false;
   homing_legs_.clear();
   next_status_ = kNever;
+  SetMoves(false, now);
 }
 
 void Cia402Node::QuickStop(RigTime now) {
@@ -231,6 +239,7 @@ void Cia402Node::QuickStop(RigTime now) {
   motion_pending_ = true;
   homing_ = false;
   homing_legs_.clear();
+  SetMoves(motion_.duration_s() > 0, now);
   state_ = State::kQuickStopActive;
 }
 
@@ -295,7 +304,12 @@ void Cia402Node::MotionEnded(RigTime now) {
   motion_ = plant::MotionProfile::Standing(std::round(motion_.target()));
   motion_start_ = now;
   next_status_ = kNever;
-  if (homing_) return NextHomingLeg(now);
+  if (homing_) {
+    NextHomingLeg(now);
+    if (!motion_pending_) SetMoves(false, now);
+    return;
+  }
+  SetMoves(false, now);
   if (state_ == State::kQuickStopActive) state_ = State::kSwitchOnDisabled;
   target_reached_ = true;
   SendStatus(now);

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -26,6 +27,9 @@ class Cia402Node {
   void RunEvent(RigTime now);
   void SetPower(bool on, RigTime now);
   std::vector<sim_wire::CanFrame> TakeOutput() { return std::exchange(output_, {}); }
+
+  // Told when the axis begins to move and when it stands again.
+  void OnMotion(std::function<void(bool moves, RigTime)> f) { on_motion_ = std::move(f); }
 
   // The world's view: angle from the home switch, and whether it is exactly a commanded count.
   double WorldCounts(RigTime t) const;
@@ -56,6 +60,7 @@ class Cia402Node {
   void StandStill(RigTime now);
   void HeartbeatLost(RigTime now);
   void MotionEnded(RigTime now);
+  void SetMoves(bool moves, RigTime now);
   uint16_t Statusword(RigTime now) const;
   int32_t ActualCounts(RigTime now) const;  // what the encoder shows
   void SendStatus(RigTime now);
@@ -72,6 +77,8 @@ class Cia402Node {
   plant::MotionProfile motion_ = plant::MotionProfile::Standing(0);
   RigTime motion_start_{};
   bool motion_pending_ = false;  // its end is an event
+  bool moves_ = false;
+  std::function<void(bool, RigTime)> on_motion_;
   double encoder_zero_ = 0;      // world counts at which the encoder shows 0
   std::deque<std::pair<double, double>> homing_legs_;  // target (world counts), velocity
   bool homing_ = false, homing_attained_ = false, target_reached_ = true, set_point_ack_ = false;

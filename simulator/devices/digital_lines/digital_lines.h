@@ -1,5 +1,5 @@
 #pragma once
-// The rig's input lines and the hands that operate them.
+// The rig's digital lines and the hands that operate them.
 
 #include <map>
 #include <string>
@@ -9,28 +9,34 @@
 #include "protocol/sim_wire/payloads.h"
 #include "protocol/sim_wire/sim_server.h"
 #include "simulator/devices/contactor.h"
+#include "simulator/devices/laser_unit/laser_unit.h"
 
 namespace mesorig::simulator {
 
 class DigitalLinesDevice final : public sim_wire::SimDevice {
  public:
-  DigitalLinesDevice(const Lines& lines, Contactor& contactor)
-      : lines_(lines), contactor_(contactor) {}
+  // The laser is borrowed; none in a rig that has none.
+  DigitalLinesDevice(const Lines& lines, Contactor& contactor, LaserUnit* laser = nullptr)
+      : lines_(lines), contactor_(contactor), laser_(laser) {}
 
   std::string name() const override { return std::string(sim_wire::kLinesDevice); }
   void Command(RigTime now, std::string_view payload, sim_wire::Outbox& out) override;
   StatusOr<std::string> Query(RigTime now, std::string_view payload,
                               sim_wire::Outbox& out) override;
-  RigTime NextEvent() const override { return kNever; }
+  RigTime NextEvent() const override;
   void RunEvent(RigTime now, sim_wire::Outbox& out) override;
   Status Inject(RigTime now, std::string_view text, sim_wire::Outbox& out) override;
 
  private:
   void SetChainLine(int line, bool closed, RigTime now, sim_wire::Outbox& out);
+  void SendLaserEdge(RigTime now, sim_wire::Outbox& out);
   void SendEdge(int line, bool level, sim_wire::Outbox& out);
   const Lines lines_;
   Contactor& contactor_;
+  LaserUnit* const laser_;
   bool estop_closed_ = true, door_closed_ = true;
+  bool trigger_ = false;     // the output's level
+  bool laser_said_ = false;  // the last edge of laser_on
 };
 
 }  // namespace mesorig::simulator
