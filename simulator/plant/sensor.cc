@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 
 #include "protocol/base/bytes.h"
 #include "protocol/base/digest.h"
 #include "simulator/plant/philox.h"
+#include "simulator/plant/read_noise.h"
 
 namespace mesorig::plant {
 namespace {
@@ -29,40 +29,6 @@ std::array<uint32_t, 4> WordsOf(const NoiseKey& key) {
   }
   return words;
 }
-
-// Read noise: four neighbours of the sensor share one block of random words. The first word of its
-// counter is one that no pixel's own stream reaches.
-constexpr uint32_t kReadNoiseBlock = 0xFFFFFFFF;
-
-// Two normal numbers from two random words (Box-Muller). The radius is finite: u > 0.
-void NormalPair(uint32_t a, uint32_t b, float* out) {
-  const float u = (static_cast<float>(a >> 8) + 0.5f) * 0x1p-24f;
-  const float angle = static_cast<float>(b) * (2 * std::numbers::pi_v<float> * 0x1p-32f);
-  const float radius = std::sqrt(-2 * std::log(u));
-  out[0] = radius * std::cos(angle);
-  out[1] = radius * std::sin(angle);
-}
-
-// The normal numbers of sensor pixels first, first + 1, ... (index y * width + x).
-class ReadNoise {
- public:
-  explicit ReadNoise(const std::array<uint32_t, 4>& words) : words_(words) {}
-  float At(uint32_t pixel) {
-    if (pixel / 4 != group_) {
-      group_ = pixel / 4;
-      const PhiloxCounter block = Philox4x32({kReadNoiseBlock, group_, words_[2], words_[3]},
-                                             {words_[0], words_[1]});
-      NormalPair(block[0], block[1], normal_.data());
-      NormalPair(block[2], block[3], normal_.data() + 2);
-    }
-    return normal_[pixel % 4];
-  }
-
- private:
-  const std::array<uint32_t, 4> words_;
-  uint32_t group_ = 0xFFFFFFFF;  // none
-  std::array<float, 4> normal_{};
-};
 
 Status Check(const Camera& camera, const Region& region, std::span<const float> expected_e,
              const NoiseKey& key) {
@@ -88,7 +54,7 @@ StatusOr<std::string> ReadOut(const Camera& camera, const Region& region,
                               std::span<const float> expected_e, const NoiseKey& key) {
   MESORIG_RETURN_IF_ERROR(Check(camera, region, expected_e, key));
   const auto words = WordsOf(key);
-  ReadNoise read_noise(words);
+  std::vector<float> normal(static_cast<size_t>(region.width));
   const double white = camera.white_dn();
   const double dn_per_e = key.gain * (white - camera.black_dn) / camera.full_well_e;
   const int bytes_per_pixel = camera.bytes_per_pixel();
@@ -96,15 +62,16 @@ StatusOr<std::string> ReadOut(const Camera& camera, const Region& region,
   char* out = bytes.data();
   size_t i = 0;
   for (int y = region.y; y < region.y + region.height; ++y) {
-    for (int x = region.x; x < region.x + region.width; ++x, ++i) {
+    const auto first = static_cast<uint32_t>(y * camera.width + region.x);
+    FillNormal(words, first, normal);
+    for (uint32_t k = 0; k < normal.size(); ++k, ++i) {
       const double expected = expected_e[i];
       if (!(expected >= 0 && std::isfinite(expected))) {
         return InvalidArgument("{}: pixel {} expects {} electrons", camera.name, i, expected);
       }
-      const auto pixel = static_cast<uint32_t>(y * camera.width + x);
-      double electrons = camera.read_noise_e * read_noise.At(pixel);
+      double electrons = camera.read_noise_e * normal[k];
       if (expected > 0) {
-        PhiloxStream random({words[0], words[1]}, pixel, words[2], words[3]);
+        PhiloxStream random({words[0], words[1]}, first + k, words[2], words[3]);
         // A pixel far beyond its well is full whatever its noise; the cut bounds the arithmetic.
         const double mean = std::min(expected, 4 * camera.full_well_e + 1000);
         electrons += std::min(static_cast<double>(random.Poisson(mean)), camera.full_well_e);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <vector>
 
@@ -12,6 +13,10 @@ namespace {
 
 // Rays start this far outside the box around the sample.
 constexpr double kMarginMm = 0.01;
+
+int CellsPerSide(const Surface& surface) {
+  return static_cast<int>(std::ceil(surface.extent_mm / surface.grid_mm - 1e-9));
+}
 
 }  // namespace
 
@@ -48,7 +53,7 @@ Status World::BuildTriangles() {
   }
   embree_->scene = rtcNewScene(embree_->device);
   rtcSetSceneFlags(embree_->scene, RTC_SCENE_FLAG_ROBUST);
-  const int n = static_cast<int>(std::ceil(surface_.extent_mm / surface_.grid_mm - 1e-9));
+  const int n = CellsPerSide(surface_);
   const double step = surface_.extent_mm / n;
   RTCGeometry geometry = rtcNewGeometry(embree_->device, RTC_GEOMETRY_TYPE_TRIANGLE);
   auto* vertices = static_cast<float*>(
@@ -92,6 +97,21 @@ Status World::BuildTriangles() {
   const RTCError error = rtcGetDeviceError(embree_->device);
   if (error != RTC_ERROR_NONE) return Internal("Embree: error {}", static_cast<int>(error));
   return status;
+}
+
+TriangleMesh World::Mesh() const {
+  const RTCGeometry geometry = rtcGetGeometry(embree_->scene, 0);
+  const auto* vertices = static_cast<const float*>(
+      rtcGetGeometryBufferData(geometry, RTC_BUFFER_TYPE_VERTEX, 0));
+  const auto* triangles = static_cast<const unsigned*>(
+      rtcGetGeometryBufferData(geometry, RTC_BUFFER_TYPE_INDEX, 0));
+  const auto n = static_cast<size_t>(CellsPerSide(surface_));
+  TriangleMesh mesh;
+  mesh.vertices.resize((n + 1) * (n + 1));
+  mesh.triangles.resize(2 * n * n);
+  std::memcpy(mesh.vertices.data(), vertices, mesh.vertices.size() * sizeof(mesh.vertices[0]));
+  std::memcpy(mesh.triangles.data(), triangles, mesh.triangles.size() * sizeof(mesh.triangles[0]));
+  return mesh;
 }
 
 std::optional<SurfaceHit> World::FirstHit(Vec3 origin, Vec3 direction) const {

@@ -2,8 +2,10 @@
 // The sample as triangles for rays. Sample frame, millimetres. Facet normals are the shading
 // normals: what is lit and what shadows is one geometry.
 
+#include <array>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "protocol/base/geometry.h"
 #include "protocol/base/status.h"
@@ -14,6 +16,11 @@ namespace mesorig::world {
 struct SurfaceHit {
   Vec3 p, normal;  // unit, on the ray's side
   Material material;
+};
+
+struct TriangleMesh {
+  std::vector<std::array<float, 3>> vertices;  // mm, sample frame
+  std::vector<std::array<unsigned, 3>> triangles;  // counter-clockwise from above
 };
 
 // Immutable after construction; all functions are reentrant.
@@ -28,6 +35,7 @@ class World {
 
   const Surface& surface() const { return surface_; }
   double top_mm() const { return top_mm_; }  // of the triangles
+  TriangleMesh Mesh() const;                 // a copy of what rays meet
 
   // Where the ray first meets the sample from above; nothing when it misses it or comes from below.
   // `direction` is a unit vector.
