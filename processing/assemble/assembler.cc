@@ -43,6 +43,11 @@ btf::BtfHeader GridOf(const Product& product) {
   return grid;
 }
 
+bool Assembler::HasShots(const CompiledPlan& plan) {
+  return std::any_of(plan.steps.begin(), plan.steps.end(),
+                     [](const Step& step) { return step.kind == StepKind::kShot; });
+}
+
 StatusOr<std::unique_ptr<Assembler>> Assembler::Create(Rig rig, CompiledPlan plan,
                                                        const std::filesystem::path& work_file) {
   if (plan.rig_sha256 != rig.sha256) {
@@ -50,8 +55,12 @@ StatusOr<std::unique_ptr<Assembler>> Assembler::Create(Rig rig, CompiledPlan pla
                            plan.rig_sha256, rig.name, rig.sha256);
   }
   const btf::BtfHeader grid = GridOf(plan.product);
+  size_t frames = 0;
+  for (const Step& step : plan.steps) {
+    if (step.kind == StepKind::kShot) frames += step.cameras.size();
+  }
   MESORIG_ASSIGN_OR_RETURN(WorkFile work,
-                           WorkFile::Create(work_file, plan.frames, 3 * grid.texel_count()));
+                           WorkFile::Create(work_file, frames, 3 * grid.texel_count()));
   return std::unique_ptr<Assembler>(
       new Assembler(std::move(rig), std::move(plan), std::move(work)));
 }
@@ -59,18 +68,19 @@ StatusOr<std::unique_ptr<Assembler>> Assembler::Create(Rig rig, CompiledPlan pla
 Assembler::Assembler(Rig rig, CompiledPlan plan, WorkFile work)
     : rig_(std::move(rig)), plan_(std::move(plan)), grid_(GridOf(plan_.product)),
       work_(std::move(work)) {
+  shot_steps_.resize(plan_.shots), first_slot_.resize(plan_.shots);
   for (const Step& step : plan_.steps) {
     if (step.kind != StepKind::kShot) continue;
-    MESORIG_CHECK(step.shot == shot_steps_.size());
-    shot_steps_.push_back(&step);
-    first_slot_.push_back(slots_.size());
+    MESORIG_CHECK(step.shot < shot_steps_.size() && shot_steps_[step.shot] == nullptr);
+    shot_steps_[step.shot] = &step;
+    first_slot_[step.shot] = slots_.size();
     for (const int camera : step.cameras) {
       Slot slot;
       slot.camera = camera, slot.shot = step.shot;
       slots_.push_back(slot);
     }
   }
-  MESORIG_CHECK(slots_.size() == plan_.frames);
+  frames_planned_ = static_cast<uint32_t>(slots_.size());
   for (size_t k = 0; k < rig_.cameras.size(); ++k) {
     cameras_.push_back(std::make_unique<CameraState>());
   }
@@ -82,6 +92,9 @@ StatusOr<size_t> Assembler::SlotFor(const FrameInfo& info) const {
   }
   if (info.shot >= shot_steps_.size()) {
     return InvalidArgument("the plan has {} shots", shot_steps_.size());
+  }
+  if (shot_steps_[info.shot] == nullptr) {
+    return InvalidArgument("the shot is one of a laser sweep");
   }
   if (info.sequence == 0) return InvalidArgument("a sequence number of 0");
   MESORIG_RETURN_IF_ERROR(CheckReadings("axis", info.axis_rad, rig_.axes.size()));

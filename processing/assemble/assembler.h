@@ -62,7 +62,9 @@ class Assembler {
   // one has replaced already is ignored.
   Status Add(const FrameInfo& info, std::string_view pixels);
   Tally tally() const;
-  uint32_t frames_planned() const { return plan_.frames; }
+  // Those of lamps; frames of laser sweeps are not for the assembler.
+  uint32_t frames_planned() const { return frames_planned_; }
+  static bool HasShots(const CompiledPlan& plan);
 
   // FailedPrecondition when no frame is usable. `provenance_json` stands in the header.
   // The header's provenance stays empty; figures.bytes stays 0.
@@ -103,7 +105,8 @@ class Assembler {
   const CompiledPlan plan_;
   const btf::BtfHeader grid_;
   std::vector<size_t> first_slot_;       // of each shot
-  std::vector<const Step*> shot_steps_;  // into plan_.steps
+  std::vector<const Step*> shot_steps_;  // into plan_.steps; null: a frame of a sweep
+  uint32_t frames_planned_ = 0;
   WorkFile work_;
   std::vector<std::unique_ptr<CameraState>> cameras_;
   mutable Mutex mutex_;

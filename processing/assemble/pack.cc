@@ -40,7 +40,7 @@ StatusOr<btf::SampledBtf> Assembler::BuildBtf(PackFigures& figures) const {
   if (usable.empty()) {
     const Tally counts = tally();
     return FailedPrecondition("no usable frame: {} of {} arrived, {} refused{}{}", counts.frames,
-                              plan_.frames, counts.refused, counts.refused > 0 ? ": " : "",
+                              frames_planned_, counts.refused, counts.refused > 0 ? ": " : "",
                               counts.first_refusal);
   }
   const Vec3 centre{0, 0, grid_.h_ref_mm};
@@ -80,7 +80,7 @@ std::string Assembler::Provenance(std::string_view session_id,
                         {"plan_sha256", Sha256(PackPlan(plan_))},
                         {"program", fmt::format("mesorig-processd {}", kVersion)},
                         {"frames", counts.frames},
-                        {"frames_planned", plan_.frames},
+                        {"frames_planned", frames_planned_},
                         {"frames_superseded", counts.superseded},
                         {"frames_refused", counts.refused},
                         {"frames_merged", figures.merged_frames},

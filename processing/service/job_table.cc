@@ -42,17 +42,12 @@ void JobTable::Stop() {
 }
 
 bool JobTable::OnDisk(const std::string& session_id, v1::ProductsReply* reply) const {
-  const std::filesystem::path path = ProductPath(options_.products_dir, session_id);
-  std::error_code error;
-  const auto bytes = std::filesystem::file_size(path, error);
-  if (error) return false;
+  const std::vector<v1::Product> products = ProductsOnDisk(options_.products_dir / session_id);
+  if (products.empty()) return false;
   if (reply == nullptr) return true;
   reply->set_session_id(session_id);
   reply->set_done(true);
-  v1::Product& product = *reply->add_products();
-  product.set_kind("btf");
-  product.set_path(std::filesystem::absolute(path).string());
-  product.set_bytes(bytes);
+  for (const v1::Product& product : products) *reply->add_products() = product;
   return true;
 }
 

@@ -3,6 +3,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include <set>
+#include <utility>
 
 #include "protocol/base/digest.h"
 #include "protocol/base/log.h"
@@ -28,15 +29,6 @@ std::vector<int> CamerasOf(const CompiledPlan& plan) {
   return {cameras.begin(), cameras.end()};
 }
 
-assemble::FrameInfo InfoOf(const v1::FrameHeader& header) {
-  return {header.sequence(),
-          static_cast<int>(header.camera()),
-          header.shot(),
-          header.exposure_s(),
-          {header.axis_rad().begin(), header.axis_rad().end()},
-          {header.lamp_level().begin(), header.lamp_level().end()}};
-}
-
 // That the header belongs to these pixels and to this camera of the rig.
 Status CheckFrame(const Rig& rig, int camera, uint64_t cursor, const v1::Frame& frame) {
   const v1::FrameHeader& header = frame.header();
@@ -47,9 +39,11 @@ Status CheckFrame(const Rig& rig, int camera, uint64_t cursor, const v1::Frame& 
   const std::string name =
       fmt::format("{}, shot {}, sequence {}", expected.name, header.shot(), header.sequence());
   if (header.sequence() <= cursor) return DataLoss("{}: came after sequence {}", name, cursor);
-  if (header.width() != static_cast<uint32_t>(expected.width) ||
-      header.height() != static_cast<uint32_t>(expected.height) ||
-      header.bits() != static_cast<uint32_t>(expected.bits)) {
+  // Of a sweep's region its builder knows the plan.
+  const bool whole = header.has_laser() ||
+                     (header.width() == static_cast<uint32_t>(expected.width) &&
+                      header.height() == static_cast<uint32_t>(expected.height));
+  if (!whole || header.bits() != static_cast<uint32_t>(expected.bits)) {
     return DataLoss("{}: {} x {} pixels of {} bits, the rig says {} x {} of {}", name,
                     header.width(), header.height(), header.bits(), expected.width,
                     expected.height, expected.bits);
@@ -86,11 +80,6 @@ bool WentAway(const Status& status) {
 }
 
 }  // namespace
-
-std::filesystem::path ProductPath(const std::filesystem::path& products_dir,
-                                  const std::string& session_id) {
-  return products_dir / session_id / "sample.btf.exr";
-}
 
 Status CheckSessionId(const std::string& session_id) {
   if (session_id.empty() || session_id.size() > 200 || session_id[0] == '.' ||
@@ -136,7 +125,7 @@ bool SessionJob::failed() const {
 
 void SessionJob::Run() {
   const Status status = Process();
-  assembler_.reset();  // with its work file
+  session_products_.reset();  // with its work file
   if (!status.ok()) Fail(status);
   on_change_();
 }
@@ -169,10 +158,11 @@ Status SessionJob::Process() {
     state_.set_frames_expected(plan.frames);
   }
   spdlog::info("session {}: {} frames of {} cameras", session_id_, plan.frames, cameras.size());
-  MESORIG_ASSIGN_OR_RETURN(
-      assembler_, assemble::Assembler::Create(rig_, std::move(plan), folder / "frames.work"));
-  MESORIG_RETURN_IF_ERROR(ReadAllCameras(*assembler_, cameras));
+  MESORIG_ASSIGN_OR_RETURN(session_products_, SessionProducts::Create(rig_, plan, folder));
+  ReleaseSweeps();  // of an earlier run
+  MESORIG_RETURN_IF_ERROR(ReadAllCameras(cameras));
   MESORIG_RETURN_IF_ERROR(CheckComplete());
+  ReleaseSweeps();
   return Pack();
 }
 
@@ -195,8 +185,7 @@ StatusOr<v1::SessionReply> SessionJob::AskSession() {
   }
 }
 
-Status SessionJob::ReadAllCameras(const assemble::Assembler& assembler,
-                                  const std::vector<int>& cameras) {
+Status SessionJob::ReadAllCameras(const std::vector<int>& cameras) {
   std::vector<Status> results(cameras.size());
   std::vector<std::thread> readers;
   for (size_t k = 0; k < cameras.size(); ++k) {
@@ -211,11 +200,39 @@ Status SessionJob::ReadAllCameras(const assemble::Assembler& assembler,
     if (!result.ok() && (first.ok() || absl::IsCancelled(first))) first = result;
   }
   MESORIG_RETURN_IF_ERROR(first);
-  const assemble::Tally tally = assembler.tally();
-  if (tally.frames != assembler.frames_planned()) {
-    return DataLoss("{} of {} planned frames arrived", tally.frames, assembler.frames_planned());
+  return session_products_->CheckWhole();
+}
+
+void SessionJob::ReleaseSweeps() {
+  std::vector<uint32_t> sweeps = session_products_->TakeReleasable();
+  {
+    MutexLock lock(mutex_);
+    to_release_.insert(to_release_.end(), sweeps.begin(), sweeps.end());
+    sweeps = std::exchange(to_release_, {});
   }
-  return OkStatus();
+  for (const uint32_t sweep : sweeps) {
+    v1::ReleaseSweepRequest request;
+    request.set_session_id(session_id_);
+    request.set_sweep(sweep);
+    v1::ReleaseSweepReply reply;
+    Status status;
+    if (auto stub = ConnectFrames(options_); stub.ok()) {
+      Call call(stop_, kAnswer_s);
+      status = wire::FromGrpc((*stub)->ReleaseSweep(call.context(), request, &reply));
+    } else {
+      status = stub.status();
+    }
+    if (status.ok()) {
+      spdlog::info("session {}: sweep {} released, {} bytes freed", session_id_, sweep,
+                   reply.bytes_freed());
+    } else if (WentAway(status)) {
+      MutexLock lock(mutex_);
+      to_release_.push_back(sweep);
+    } else {
+      spdlog::warn("session {}: sweep {} is not released: {}", session_id_, sweep,
+                   Message(status));
+    }
+  }
 }
 
 Status SessionJob::ReadCamera(int camera) {
@@ -247,6 +264,7 @@ Status SessionJob::ReadStream(int camera, uint64_t& cursor, Clock::time_point& l
   while (taken.ok() && reader->Read(&frame)) {
     taken = CheckFrame(rig_, camera, cursor, frame);
     if (taken.ok()) taken = Take(camera, frame);
+    if (taken.ok()) ReleaseSweeps();
     cursor = std::max(cursor, static_cast<uint64_t>(frame.header().sequence()));
     last_sign = Clock::now();
   }
@@ -271,11 +289,12 @@ Status SessionJob::Take(int camera, const v1::Frame& frame) {
     MutexLock lock(mutex_);
     if (!first_frame_) first_frame_ = start;
   }
-  const Status status = assembler_->Add(InfoOf(frame.header()), frame.pixels());
+  const Status status = session_products_->Take(frame);
+  const uint32_t progress = session_products_->progress();
   const double seconds = SecondsSince(start);
   MutexLock lock(mutex_);
   busy_s_ += seconds;
-  if (status.ok()) ++received_;
+  if (status.ok()) received_ = std::max(received_, progress);
   return Annotate(status, rig_.cameras[static_cast<size_t>(camera)].name);
 }
 
@@ -296,31 +315,16 @@ Status SessionJob::CheckComplete() {
 
 Status SessionJob::Pack() {
   const auto start = Clock::now();
-  const std::filesystem::path path = ProductPath(options_.products_dir, session_id_);
   std::optional<SlotGuard> slot(slots_);
-  MESORIG_ASSIGN_OR_RETURN(const assemble::PackFigures figures,
-                           assembler_->Pack(path, session_id_));
+  MESORIG_ASSIGN_OR_RETURN(const std::vector<v1::Product> products,
+                           session_products_->Pack(session_id_));
   slot.reset();
-  const assemble::Tally tally = assembler_->tally();
-  if (tally.refused > 0) {
-    spdlog::warn("session {}: {} frames refused, first: {}", session_id_, tally.refused,
-                 tally.first_refusal);
-  }
-  if (tally.clipped_texels > 0) {
-    spdlog::warn("session {}: {} texels are lower bounds (saturated pixels)", session_id_,
-                 tally.clipped_texels);
-  }
   MutexLock lock(mutex_);
   busy_s_ += SecondsSince(start);
-  state_.set_wall_s(SecondsSince(*first_frame_));
-  v1::Product& product = *state_.add_products();
-  product.set_kind("btf");
-  product.set_path(std::filesystem::absolute(path).string());
-  product.set_bytes(figures.bytes);
+  if (first_frame_) state_.set_wall_s(SecondsSince(*first_frame_));
+  for (const v1::Product& product : products) *state_.add_products() = product;
   state_.set_done(true);
-  spdlog::info("session {}: {} ({} views, {} lights, {} pairs, {} frames merged), {:.2f} s of work",
-               session_id_, path.string(), figures.views, figures.lights, figures.pairs,
-               figures.merged_frames, busy_s_);
+  spdlog::info("session {}: packed, {:.2f} s of work", session_id_, busy_s_);
   return OkStatus();
 }
 

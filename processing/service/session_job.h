@@ -12,8 +12,8 @@
 #include <thread>
 #include <vector>
 
-#include "processing/assemble/assembler.h"
 #include "processing/service/calls.h"
+#include "processing/service/session_products.h"
 #include "protocol/base/mutex.h"
 #include "protocol/messages/frames.pb.h"
 #include "protocol/messages/processing.pb.h"
@@ -29,15 +29,13 @@ struct JobOptions {
 inline constexpr int kComputeThreads = 2;
 using ComputeSlots = std::counting_semaphore<kComputeThreads>;
 
-// `<products_dir>/<session_id>/sample.btf.exr`.
-std::filesystem::path ProductPath(const std::filesystem::path& products_dir,
-                                  const std::string& session_id);
 // InvalidArgument for an id that is no plain folder name.
 Status CheckSessionId(const std::string& session_id);
 
 // One thread a camera reads the frames and computes them; each has a connection of its own and
 // goes on from its cursor when the daemon was away. Runs on the host's clock: virtual time never
-// waits for it. What was not packed when it ends is gone; a new job begins at the first frame.
+// waits for it. What was not packed when it ends is gone, but for displacement images of
+// sweeps: a new job begins at the first frame, and needs no frames of these again.
 class SessionJob {
  public:
   // `on_change` is called, without a lock, whenever Snapshot() has changed for good (done or
@@ -57,11 +55,13 @@ class SessionJob {
   void Run();
   Status Process();
   StatusOr<v1::SessionReply> AskSession();
-  Status ReadAllCameras(const assemble::Assembler& assembler, const std::vector<int>& cameras);
+  Status ReadAllCameras(const std::vector<int>& cameras);
   Status ReadCamera(int camera);
   // Reads until the stream ends; `cursor` follows. Unavailable: the daemon went away.
   Status ReadStream(int camera, uint64_t& cursor, Clock::time_point& last_sign);
   Status Take(int camera, const v1::Frame& frame);
+  // Tells the daemon of sweeps whose raw frames may go. What it does not hear is told again.
+  void ReleaseSweeps();
   Status CheckComplete();
   Status Pack();
   void Fail(const Status& status);
@@ -72,7 +72,7 @@ class SessionJob {
   const std::function<void()> on_change_;
   StopSignal stop_;
   Rig rig_;
-  std::unique_ptr<assemble::Assembler> assembler_;  // from Process, before any reader starts
+  std::unique_ptr<SessionProducts> session_products_;  // from Process, before any reader starts
 
   mutable Mutex mutex_;
   v1::ProductsReply state_ GUARDED_BY(mutex_);
@@ -80,6 +80,7 @@ class SessionJob {
   std::optional<Clock::time_point> first_frame_ GUARDED_BY(mutex_);
   double busy_s_ GUARDED_BY(mutex_) = 0;
   uint32_t received_ GUARDED_BY(mutex_) = 0;
+  std::vector<uint32_t> to_release_ GUARDED_BY(mutex_);
   std::thread thread_;  // last: runs on the members above
 };
 

@@ -4,6 +4,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include <map>
+#include <set>
 #include <vector>
 
 #include "protocol/base/digest.h"
@@ -121,7 +122,8 @@ class FakeDaemon final : public v1::Control::Service, public v1::Frames::Service
         if (break_every_ > 0 && sent++ == break_every_) {
           return grpc::Status(grpc::StatusCode::UNAVAILABLE, "broken on purpose");
         }
-        writer->Write(rows[next++]);
+        const v1::Frame& frame = rows[next++];
+        if (!frame.pixels().empty()) writer->Write(frame);
       } else if (session_.ended()) {
         return session_.complete() ? grpc::Status::OK
                                    : grpc::Status(grpc::StatusCode::ABORTED, "stopped by hand");
@@ -130,6 +132,29 @@ class FakeDaemon final : public v1::Control::Service, public v1::Frames::Service
       }
     }
     return grpc::Status(grpc::StatusCode::UNAVAILABLE, "closing");
+  }
+  grpc::Status ReleaseSweep(grpc::ServerContext*, const v1::ReleaseSweepRequest* request,
+                            v1::ReleaseSweepReply*) override {
+    MutexLock lock(mutex_);
+    if (refuse_releases_-- > 0) return grpc::Status(grpc::StatusCode::UNAVAILABLE, "busy");
+    released_.insert(request->sweep());
+    // Its frames are passed over from now on.
+    for (auto& [camera, rows] : frames_) {
+      for (v1::Frame& frame : rows) {
+        const bool gone =
+            frame.header().has_laser() && frame.header().laser().sweep() == request->sweep();
+        if (gone) frame.clear_pixels();
+      }
+    }
+    return grpc::Status::OK;
+  }
+  std::set<uint32_t> released() const {
+    MutexLock lock(mutex_);
+    return released_;
+  }
+  void RefuseReleases(int times) {
+    MutexLock lock(mutex_);
+    refuse_releases_ = times;
   }
 
   uint32_t protocol_major = wire::kProtocolMajor;
@@ -142,6 +167,8 @@ class FakeDaemon final : public v1::Control::Service, public v1::Frames::Service
   bool closing_ GUARDED_BY(mutex_) = false;
   v1::SessionReply session_ GUARDED_BY(mutex_);
   std::map<int, std::vector<v1::Frame>> frames_ GUARDED_BY(mutex_);
+  std::set<uint32_t> released_ GUARDED_BY(mutex_);
+  int refuse_releases_ GUARDED_BY(mutex_) = 0;
   int break_every_ GUARDED_BY(mutex_) = 0, subscriptions_ GUARDED_BY(mutex_) = 0;
   std::optional<PublishedEndpoint> endpoint_;
   std::unique_ptr<grpc::Server> server_;

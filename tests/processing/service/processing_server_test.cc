@@ -9,10 +9,12 @@
 #include <thread>
 
 #include "processing/btf/btf_file.h"
+#include "processing/btf/mdf_file.h"
 #include "protocol/base/file_writer.h"
 #include "protocol/messages/processing.grpc.pb.h"
 #include "protocol/plan/plan.h"
 #include "tests/processing/assemble/synthetic_session.h"
+#include "tests/processing/mesostructure/synthetic_sweep.h"
 #include "tests/processing/service/fake_daemon.h"
 
 namespace mesorig::service {
@@ -68,6 +70,40 @@ class ProcessingServerTest : public ::testing::Test {
       }
     }
   }
+  // All frames of the plan's sweeps: a slab 2 mm high.
+  void CommitSweeps() {
+    std::vector<double> axis_rad;
+    for (const Step& step : plan_.steps) {
+      if (step.kind == StepKind::kMoveAxes) axis_rad = step.axis_rad;
+      if (step.kind != StepKind::kSweep) continue;
+      mesostructure::SweepScene scene;
+      scene.relief = [](double, double) { return 2.0; };
+      scene.turntable_deg = DegFromRad(axis_rad[0]), scene.light_arc_deg = DegFromRad(axis_rad[1]);
+      for (const int camera : step.cameras) {
+        mesostructure::SyntheticSweep sweep(rig_, plan_, step, camera, scene);
+        for (uint32_t i = 0; i < sweep.frames(); ++i) {
+          CommitSweepFrame(sweep.Frame(i, 1), sweep.Pixels(i));
+        }
+      }
+    }
+  }
+  void CommitSweepFrame(const mesostructure::SweepFrame& frame, std::string pixels) {
+    v1::FrameHeader header;
+    header.set_shot(frame.shot);
+    header.set_exposure_s(frame.exposure_s);
+    for (const double a : frame.axis_rad) header.add_axis_rad(a);
+    for (const double level : frame.lamp_level) header.add_lamp_level(level);
+    header.set_region_x(static_cast<uint32_t>(frame.region.x));
+    header.set_region_y(static_cast<uint32_t>(frame.region.y));
+    header.set_width(static_cast<uint32_t>(frame.region.width));
+    header.set_height(static_cast<uint32_t>(frame.region.height));
+    header.set_bits(12);
+    v1::LaserState& laser = *header.mutable_laser();
+    laser.set_sweep(frame.sweep), laser.set_index(frame.index);
+    laser.set_mount(static_cast<uint32_t>(frame.mount));
+    laser.set_tilt_rad(frame.tilt_rad), laser.set_on(frame.on);
+    daemon_->Commit(frame.camera, header, std::move(pixels));
+  }
   v1::ProductsReply Await() {
     auto channel = wire::ConnectTo(dir_, wire::kProcessingName, 10).value();
     auto stub = v1::Processing::NewStub(channel);
@@ -122,6 +158,57 @@ TEST_F(ProcessingServerTest, MakesTheProductOfASession) {
   EXPECT_EQ(btf->present_count(), 7u);
   EXPECT_THAT(btf->header().provenance_json, HasSubstr(kId));
   EXPECT_EQ(FilesInProducts(), 2u) << "folder and product, no work file";
+}
+
+TEST_F(ProcessingServerTest, SweepsBecomeAnMdfAndTheirFramesMayGo) {
+  plan_ = CompilePlan(mesostructure::SweepPlanText("0", "90, 270", "\"cam0\", \"cam2\"", 32),
+                      "test.toml", rig_).value();
+  daemon_->RefuseReleases(1);  // told again
+  daemon_->Listen();
+  daemon_->SetSession(Session());
+  StartServer();
+  CommitSweeps();
+  daemon_->End(true);
+  const v1::ProductsReply reply = Await();
+  EXPECT_EQ(reply.error(), "");
+  ASSERT_EQ(reply.products_size(), 1);
+  EXPECT_EQ(reply.products(0).kind(), "mdf");
+  EXPECT_EQ(reply.frames_received(), 128u);
+  EXPECT_EQ(reply.frames_expected(), 128u);
+  const auto mdf = btf::ReadMdf(reply.products(0).path());
+  ASSERT_TRUE(mdf.ok()) << mdf.status();
+  EXPECT_EQ(mdf->header().view_count(), 2);
+  EXPECT_NEAR(mdf->Distance(0)[32 * 64 + 32], 2.2, 0.1);
+  EXPECT_EQ(daemon_->released(), (std::set<uint32_t>{0, 1}));
+}
+
+TEST_F(ProcessingServerTest, LampsAndSweepsGiveBothProductsAlsoAfterARestartWithoutTheFrames) {
+  std::string text = mesostructure::SweepPlanText("0", "90", "\"cam2\"", 32);
+  text += "[[grid]]\nexposure_s = 0.02\nlamps = [\"lamp3\"]\ncameras = [\"cam2\"]\n"
+          "[grid.axes.turntable]\nangles_deg = [0]\n[grid.axes.light_arc]\nangles_deg = [90]\n";
+  plan_ = CompilePlan(text, "test.toml", rig_).value();
+  daemon_->Listen();
+  daemon_->SetSession(Session());
+  StartServer();
+  CommitSweeps();
+  while (daemon_->released().empty()) std::this_thread::yield();
+  // Killed after the sweep's frames are gone, before the end: the next one needs them no more.
+  server_->Stop();
+  runner_.join();
+  server_.reset();
+  StartServer();
+  for (uint32_t shot = 0; shot < plan_.shots; ++shot) CommitShot(shot);
+  daemon_->End(true);
+  const v1::ProductsReply reply = Await();
+  EXPECT_EQ(reply.error(), "");
+  ASSERT_EQ(reply.products_size(), 2);
+  EXPECT_EQ(reply.products(0).kind(), "btf");
+  EXPECT_EQ(reply.products(1).kind(), "mdf");
+  EXPECT_EQ(reply.frames_received(), 33u);
+  const auto btf = btf::ReadBtfInfo(reply.products(0).path());
+  const auto mdf = btf::ReadMdfInfo(reply.products(1).path());
+  ASSERT_TRUE(btf.ok() && mdf.ok());
+  EXPECT_LT(AngleBetween(btf->header.views[0], mdf->header.views[0]), 1e-6);
 }
 
 TEST_F(ProcessingServerTest, GoesOnFromItsCursorWhenStreamsBreakAndTheDaemonRestarts) {

@@ -1,0 +1,56 @@
+#pragma once
+// Internal to processing/service: what the frames of one session become. Frames of lamps go to
+// processing/assemble, frames of laser sweeps to processing/mesostructure; a plan may have only one
+// kind.
+
+#include <atomic>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "processing/assemble/assembler.h"
+#include "processing/mesostructure/mdf_builder.h"
+#include "protocol/messages/frames.pb.h"
+#include "protocol/messages/processing.pb.h"
+
+namespace mesorig::service {
+
+// `<folder>/sample.btf.exr`, `<folder>/sample.mdf.exr`; displacement images of sweeps, which
+// outlive the job, lie in `<folder>/displacements`.
+std::filesystem::path BtfPath(const std::filesystem::path& folder);
+std::filesystem::path MdfPath(const std::filesystem::path& folder);
+// The products in the folder of a session that was packed to its end; none for any other folder.
+// The MDF is written last, and the displacements tell that there must be one.
+std::vector<v1::Product> ProductsOnDisk(const std::filesystem::path& folder);
+
+// Thread contract: Take from any thread, frames of one camera one after the other; Pack when no
+// Take runs; the rest from any thread.
+class SessionProducts {
+ public:
+  static StatusOr<std::unique_ptr<SessionProducts>> Create(const Rig& rig, const CompiledPlan& plan,
+                                                           const std::filesystem::path& folder);
+  // As Assembler::Add and MdfBuilder::Add.
+  Status Take(const v1::Frame& frame);
+  // Of the planned ones: arrived, or not needed again.
+  uint32_t frames() const;
+  // The same at no cost, but frames of lamps that were shot again count again.
+  uint32_t progress() const;
+  uint32_t frames_planned() const;
+  // Sweeps whose raw frames may go and, by the plan, shall; each is told once.
+  std::vector<uint32_t> TakeReleasable();
+  // DataLoss unless every planned frame has arrived.
+  Status CheckWhole() const;
+  StatusOr<std::vector<v1::Product>> Pack(const std::string& session_id);
+
+ private:
+  SessionProducts(const CompiledPlan& plan, std::filesystem::path folder);
+
+  const std::filesystem::path folder_;
+  std::vector<uint8_t> released_by_plan_;  // of each sweep
+  std::atomic<uint32_t> lamp_frames_ = 0;
+  std::unique_ptr<assemble::Assembler> assembler_;          // plans with grids
+  std::unique_ptr<mesostructure::MdfBuilder> mdf_builder_;  // plans with sweeps
+};
+
+}  // namespace mesorig::service
