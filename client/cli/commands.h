@@ -28,6 +28,7 @@ Command AddRunCommand(CLI::App& app, Common& common);
 Command AddStatusCommand(CLI::App& app, Common& common);
 Command AddWatchCommand(CLI::App& app, Common& common);
 Command AddStopCommand(CLI::App& app, Common& common);
+Command AddAcknowledgeCommand(CLI::App& app, Common& common);
 Command AddSessionsCommand(CLI::App& app, Common& common);
 Command AddPauseCommand(CLI::App& app, Common& common);
 Command AddResumeCommand(CLI::App& app, Common& common);

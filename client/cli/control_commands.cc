@@ -1,4 +1,4 @@
-// status, watch, stop, sessions, pause, resume: one call each.
+// status, watch, stop, acknowledge, sessions, pause, resume: one call each.
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -26,6 +26,7 @@ Status ShowStatus(const Common& common) {
                status.session_id(), status.shots_done(), status.shots(), status.frames_durable(),
                status.frames(), DurationText(status.rig_s()), DurationText(status.estimated_s()));
   }
+  if (status.has_prompt()) fmt::print("{}\n", PromptText(status.prompt()));
   for (const v1::Reading& reading : status.readings()) {
     fmt::print("  {:<22} {:>12.4f} {:<4} {:.1f} s ago\n", reading.name(), reading.value(),
                reading.unit(), reading.age_s());
@@ -47,6 +48,14 @@ Status StopPlan(const Common& common, const std::string& reason) {
   return daemon->Stop(reason);
 }
 
+// The prompt that is waiting now.
+Status Acknowledge(const Common& common) {
+  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const v1::StatusReply status, daemon->GetStatus());
+  if (!status.has_prompt()) return FailedPrecondition("nothing is asked of the operator");
+  return daemon->Acknowledge(status.prompt().id());
+}
+
 Status ShowSessions(const Common& common) {
   MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
   MESORIG_ASSIGN_OR_RETURN(const auto sessions, daemon->ListSessions());
@@ -55,7 +64,9 @@ Status ShowSessions(const Common& common) {
     if (common.json) continue;
     MESORIG_ASSIGN_OR_RETURN(const v1::SessionReply session, daemon->GetSession(id));
     fmt::print("{}  {}\n", id,
-               !session.ended() ? "open" : session.complete() ? "complete" : "incomplete");
+               !session.ended()     ? "open"
+               : session.complete() ? "complete"
+                                    : "incomplete");
   }
   return OkStatus();
 }
@@ -84,13 +95,21 @@ Command AddStopCommand(CLI::App& app, Common& common) {
           }};
 }
 
+Command AddAcknowledgeCommand(CLI::App& app, Common& common) {
+  return {app.add_subcommand("acknowledge",
+                             "The operator has done at the rig what the plan asks for; door and "
+                             "reset at the rig are needed as well"),
+          [&common] { return Acknowledge(common); }};
+}
+
 Command AddSessionsCommand(CLI::App& app, Common& common) {
   return {app.add_subcommand("sessions", "The daemon's sessions, oldest first"),
           [&common] { return ShowSessions(common); }};
 }
 
 Command AddPauseCommand(CLI::App& app, Common& common) {
-  return {app.add_subcommand("pause", "Pause the running plan (not there yet)"), [&common]() -> Status {
+  return {app.add_subcommand("pause", "Pause the running plan (not there yet)"),
+          [&common]() -> Status {
             MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
             return daemon->Pause();
           }};

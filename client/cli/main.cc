@@ -23,10 +23,11 @@ int main(int argc, char** argv) {
   plan->require_subcommand(1);
   plan->fallthrough();
   const std::vector<client::Command> commands = {
-      client::AddRunCommand(app, common),      client::AddStatusCommand(app, common),
-      client::AddWatchCommand(app, common),    client::AddStopCommand(app, common),
-      client::AddSessionsCommand(app, common), client::AddPauseCommand(app, common),
-      client::AddResumeCommand(app, common),   client::AddPlanCheckCommand(*plan, common)};
+      client::AddRunCommand(app, common),        client::AddStatusCommand(app, common),
+      client::AddWatchCommand(app, common),      client::AddStopCommand(app, common),
+      client::AddSessionsCommand(app, common),   client::AddPauseCommand(app, common),
+      client::AddResumeCommand(app, common),     client::AddPlanCheckCommand(*plan, common),
+      client::AddAcknowledgeCommand(app, common)};
   return RunProgram(app, "mesorig", argc, argv, [&]() -> Status {
     for (const auto& command : commands) {
       if (command.app->parsed()) return command.run();

@@ -26,6 +26,8 @@ Status Check(const CheckOptions& options, const Common& common) {
                                     {"shots", plan.shots},
                                     {"frames", plan.frames},
                                     {"frames_blocked", plan.frames_blocked},
+                                    {"sweeps", plan.sweeps},
+                                    {"prompts", plan.prompts},
                                     {"frame_bytes", plan.frame_bytes},
                                     {"seconds", plan.seconds},
                                     {"lamp_hours", plan.lamp_seconds / 3600}};
@@ -35,6 +37,10 @@ Status Check(const CheckOptions& options, const Common& common) {
   fmt::print("plan {} on rig {}\n", plan.name, rig.name);
   fmt::print("  {} steps, {} shots, {} frames ({} left out: blocked by solids)\n",
              plan.steps.size(), plan.shots, plan.frames, plan.frames_blocked);
+  if (plan.sweeps > 0) {
+    fmt::print("  {} sweeps of the laser; the operator is asked {} times\n", plan.sweeps,
+               plan.prompts);
+  }
   fmt::print("  {} of frames, about {} at the rig after homing, {:.2f} lamp-hours\n",
              BytesText(plan.frame_bytes), DurationText(plan.seconds), plan.lamp_seconds / 3600);
   fmt::print("  SHA-256 {}\n", sha256);
@@ -45,8 +51,8 @@ Status Check(const CheckOptions& options, const Common& common) {
 
 Command AddPlanCheckCommand(CLI::App& plan, Common& common) {
   auto options = std::make_shared<CheckOptions>();
-  CLI::App* check =
-      plan.add_subcommand("check", "Compile a plan: steps, frames, bytes, seconds, and what is wrong");
+  CLI::App* check = plan.add_subcommand(
+      "check", "Compile a plan: steps, frames, bytes, seconds, and what is wrong");
   check->add_option("plan", options->plan, "Plan file")->required();
   check->add_option("--rig", options->rig, "Rig file")->required();
   return {check, [options, &common] { return Check(*options, common); }};

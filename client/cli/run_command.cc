@@ -4,6 +4,8 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
+#include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "client/cli/commands.h"
@@ -17,8 +19,32 @@ namespace {
 
 struct RunOptions {
   std::string plan;
+  std::string on_prompt;
   bool no_wait = false, no_products = false;
 };
+
+// Lets a command, or the operator at this terminal, do what a prompt asks for; then acknowledges.
+Status AnswerPrompt(const RunOptions& options, DaemonClient& daemon, const v1::Prompt& prompt) {
+  fmt::print(stderr, "{}\n", PromptText(prompt));
+  if (!options.on_prompt.empty()) {
+    ::setenv("MESORIG_PROMPT_ID", std::to_string(prompt.id()).c_str(), 1);
+    ::setenv("MESORIG_PROMPT_TEXT", prompt.text().c_str(), 1);
+    ::setenv("MESORIG_PROMPT_MOUNT", prompt.mount().c_str(), 1);
+    if (const int code = std::system(options.on_prompt.c_str()); code != 0) {
+      return FailedPrecondition("--on-prompt {}: ended with status {}; the plan waits on",
+                                options.on_prompt, code);
+    }
+  } else if (::isatty(STDIN_FILENO) == 1) {
+    fmt::print(stderr, "Press Enter when it is done.\n");
+    std::string line;
+    std::getline(std::cin, line);
+  } else {
+    return OkStatus();  // somebody acknowledges from another console
+  }
+  const Status acknowledged = daemon.Acknowledge(prompt.id());
+  if (!acknowledged.ok()) fmt::print(stderr, "mesorig: {}\n", Message(acknowledged));
+  return OkStatus();
+}
 
 // Ctrl-C leaves the plan running: a closed laptop does not end the night.
 void Detach(int) {
@@ -29,13 +55,20 @@ void Detach(int) {
 }
 
 // Watches until this session ends.
-StatusOr<v1::SessionEnded> AwaitEnd(DaemonClient& daemon, const v1::RunReply& reply) {
+StatusOr<v1::SessionEnded> AwaitEnd(const RunOptions& options, DaemonClient& daemon,
+                                    const v1::RunReply& reply) {
   ProgressBar bar;
   v1::SessionEnded ended;
-  bool seen = false;
+  Status answered;
+  bool ours = false, seen = false;  // events of earlier sessions come first
   MESORIG_RETURN_IF_ERROR(daemon.Watch(0, [&](const v1::Event& event) {
     if (event.has_progress() && event.progress().session_id() == reply.session_id()) {
       bar.Show(event.progress().shots_done(), reply.shots(), "shots");
+    }
+    ours = ours || (event.has_started() && event.started().session_id() == reply.session_id());
+    if (ours && event.has_prompt()) {
+      answered = AnswerPrompt(options, daemon, event.prompt());
+      if (!answered.ok()) return false;
     }
     if (event.has_ended() && event.ended().session_id() == reply.session_id()) {
       ended = event.ended();
@@ -43,6 +76,7 @@ StatusOr<v1::SessionEnded> AwaitEnd(DaemonClient& daemon, const v1::RunReply& re
     }
     return !seen;
   }));
+  MESORIG_RETURN_IF_ERROR(answered);
   return ended;
 }
 
@@ -60,6 +94,8 @@ nlohmann::json ToJson(const v1::RunReply& reply, const v1::SessionEnded& ended,
           {"frames_blocked", reply.frames_blocked()},
           {"frame_bytes", reply.frame_bytes()},
           {"shots", reply.shots()},
+          {"sweeps", reply.sweeps()},
+          {"prompts", reply.prompts()},
           {"estimated_s", reply.estimated_s()},
           {"virtual_s", ended.virtual_s()},
           {"wall_s", ended.wall_s()},
@@ -91,6 +127,10 @@ Status Run(const RunOptions& options, const Common& common) {
     if (reply.frames_blocked() > 0) {
       fmt::print("{} frames are left out: solids block their beams\n", reply.frames_blocked());
     }
+    if (reply.sweeps() > 0) {
+      fmt::print("{} sweeps of the laser; the operator is asked {} times\n", reply.sweeps(),
+                 reply.prompts());
+    }
     std::fflush(stdout);
   }
   if (options.no_wait) {
@@ -98,7 +138,7 @@ Status Run(const RunOptions& options, const Common& common) {
     return OkStatus();
   }
   std::signal(SIGINT, Detach);
-  MESORIG_ASSIGN_OR_RETURN(const v1::SessionEnded ended, AwaitEnd(*daemon, reply));
+  MESORIG_ASSIGN_OR_RETURN(const v1::SessionEnded ended, AwaitEnd(options, *daemon, reply));
   if (!ended.complete()) {
     return absl::AbortedError(fmt::format("session {} is incomplete: {} ({} of {} frames durable)",
                                           reply.session_id(), ended.reason(),
@@ -131,6 +171,9 @@ Command AddRunCommand(CLI::App& app, Common& common) {
   CLI::App* run = app.add_subcommand(
       "run", "Run a plan and wait for its end and its products; Ctrl-C detaches");
   run->add_option("plan", options->plan, "Plan file (plans/*.toml)")->required();
+  run->add_option("--on-prompt", options->on_prompt,
+                  "Shell command that does what a prompt asks for (MESORIG_PROMPT_ID, _TEXT, "
+                  "_MOUNT in its environment); when it ends with 0 the prompt is acknowledged");
   run->add_flag("--no-wait", options->no_wait, "Return once the session is journaled");
   run->add_flag("--no-products", options->no_products, "Do not wait for the processing service");
   return {run, [options, &common] { return Run(*options, common); }};

@@ -15,6 +15,8 @@ std::string_view StateName(v1::State state) {
       return "idle";
     case v1::RUNNING:
       return "running";
+    case v1::WAITING:
+      return "waiting for the operator";
     case v1::STOPPING:
       return "stopping";
     case v1::FAULT:
@@ -38,6 +40,18 @@ std::string DurationText(double seconds) {
   return fmt::format("{} h {} min", whole / 3600, whole % 3600 / 60);
 }
 
+std::string PromptText(const v1::Prompt& prompt) {
+  std::string missing;
+  const auto add = [&](bool done, std::string_view what) {
+    if (!done) missing += fmt::format("{}{}", missing.empty() ? "" : ", ", what);
+  };
+  add(prompt.door_cycled(), "the door opened and closed");
+  add(prompt.reset(), "reset pressed at the rig");
+  add(prompt.acknowledged(), "`mesorig acknowledge`");
+  return fmt::format("prompt {}: {} (still needed: {})", prompt.id(), prompt.text(),
+                     missing.empty() ? "nothing" : missing);
+}
+
 std::string EventText(const v1::Event& event) {
   const std::string when = fmt::format("{:10.3f} s  ", event.rig_s());
   switch (event.what_case()) {
@@ -54,6 +68,8 @@ std::string EventText(const v1::Event& event) {
       return fmt::format("{}session {} {}{}, {} frames durable", when, event.ended().session_id(),
                          event.ended().complete() ? "complete" : "incomplete: ",
                          event.ended().reason(), event.ended().frames_durable());
+    case v1::Event::kPrompt:
+      return when + PromptText(event.prompt());
     case v1::Event::kNote:
       return when + event.note();
     default:
@@ -81,7 +97,8 @@ void ProgressBar::Show(uint32_t done, uint32_t total, std::string_view unit) {
   constexpr int kWidth = 40;
   const int filled = static_cast<int>(static_cast<double>(done) / total * kWidth);
   fmt::print(stderr, "\r[{}{}] {}/{} {}", std::string(static_cast<size_t>(filled), '#'),
-             std::string(static_cast<size_t>(std::max(0, kWidth - filled)), ' '), done, total, unit);
+             std::string(static_cast<size_t>(std::max(0, kWidth - filled)), ' '), done, total,
+             unit);
   std::fflush(stderr);
   shown_ = true;
 }

@@ -15,6 +15,8 @@ std::string BytesText(uint64_t bytes);
 // "3 min 20 s"
 std::string DurationText(double seconds);
 // One line an event, without its end of line.
+// What is asked of the operator, and what is still missing.
+std::string PromptText(const v1::Prompt& prompt);
 std::string EventText(const v1::Event& event);
 // Any message as one line of JSON, with the names of the .proto file and zeros included.
 std::string JsonText(const google::protobuf::Message& message);

@@ -81,6 +81,13 @@ Status DaemonClient::Resume() {
       .status();
 }
 
+Status DaemonClient::Acknowledge(uint32_t prompt_id) {
+  v1::AcknowledgeRequest request;
+  request.set_prompt_id(prompt_id);
+  return Call<v1::AcknowledgeReply>(*state_->control, &v1::Control::Stub::Acknowledge, request)
+      .status();
+}
+
 StatusOr<v1::ListSessionsReply> DaemonClient::ListSessions() {
   return Call<v1::ListSessionsReply>(*state_->frames, &v1::Frames::Stub::ListSessions,
                                      v1::ListSessionsRequest());

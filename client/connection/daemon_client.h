@@ -26,6 +26,8 @@ class DaemonClient {
   Status Stop(std::string_view reason);
   Status Pause();
   Status Resume();
+  // The operator has done what this prompt asks for.
+  Status Acknowledge(uint32_t prompt_id);
   StatusOr<v1::ListSessionsReply> ListSessions();
   StatusOr<v1::SessionReply> GetSession(std::string_view session_id);
   // Events above `after_sequence`, then as they happen, until `on_event` returns false (OK) or the

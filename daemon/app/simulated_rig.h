@@ -7,6 +7,7 @@
 
 #include "daemon/bus/sim_can_port.h"
 #include "daemon/bus/sim_line_port.h"
+#include "daemon/bus/sim_usb_port.h"
 #include "daemon/control/sequencer.h"
 #include "daemon/drivers/driver.h"
 #include "protocol/sim_wire/sim_link.h"
@@ -38,11 +39,13 @@ class SimulatedRig {
   StopFlag stop_;
   std::unique_ptr<SimCanPort> can_port_;
   std::unique_ptr<SimLinePort> line_port_;
+  std::unique_ptr<SimUsbPort> usb_port_;  // in a rig with a laser
   std::unique_ptr<CanBus> can_;
   std::unique_ptr<ModbusBus> modbus_;
   std::vector<std::unique_ptr<Axis>> axes_;
   std::unique_ptr<LampBank> lamps_;
   std::unique_ptr<DigitalLines> lines_;
+  std::unique_ptr<LineLaser> laser_;
   std::vector<std::unique_ptr<Camera>> cameras_;
   std::unique_ptr<Sequencer> sequencer_;
 };

@@ -23,6 +23,11 @@ StatusOr<bool> SimLinePort::Read(int line) {
   return (*answer)[0] == 1;
 }
 
+Status SimLinePort::Write(int line, bool level) {
+  const sim_wire::LineEdge edge{static_cast<uint16_t>(line), static_cast<uint8_t>(level ? 1 : 0)};
+  return Annotate(link_.Post(device_, sim_wire::Pack(edge)), fmt::format("line {}", line));
+}
+
 void SimLinePort::OnEdge(std::function<void(int line, bool level, RigTime when)> handler) {
   link_.Subscribe(device_, [handler = std::move(handler)](RigTime time, std::string payload) {
     const auto edge = sim_wire::UnpackLineEdge(payload);

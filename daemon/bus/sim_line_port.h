@@ -13,6 +13,7 @@ class SimLinePort final : public LinePort {
   static StatusOr<std::unique_ptr<SimLinePort>> Open(sim_wire::SimLink& link);
   ~SimLinePort() override;
   StatusOr<bool> Read(int line) override;
+  Status Write(int line, bool level) override;
   void OnEdge(std::function<void(int line, bool level, RigTime when)> handler) override;
 
  private:

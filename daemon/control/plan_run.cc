@@ -26,6 +26,9 @@ Status PlanRun::Run() {
     MESORIG_RETURN_IF_ERROR(context_.chain.Check());
     context_.board.SetChain(context_.chain.levels());
     MESORIG_RETURN_IF_ERROR(context_.devices.stop->Check());
+    if (plan_.sweeps > 0 && LaserReady()) {
+      MESORIG_RETURN_IF_ERROR(context_.devices.laser->KeepAlive());
+    }
     MESORIG_RETURN_IF_ERROR(RunStep(step));
   }
   return WindDown();
@@ -37,7 +40,9 @@ Status PlanRun::Prepare() {
   MESORIG_RETURN_IF_ERROR(context_.devices.lamps->Open());
   MESORIG_RETURN_IF_ERROR(context_.devices.lamps->AllOff());
   for (Camera* camera : context_.devices.cameras) MESORIG_RETURN_IF_ERROR(camera->Open());
-  exposure_of_camera_.assign(context_.devices.cameras.size(), 0);
+  camera_settings_.assign(context_.devices.cameras.size(), {});
+  // A plan that never sweeps needs no laser.
+  if (plan_.sweeps > 0 && LaserReady()) MESORIG_RETURN_IF_ERROR(context_.devices.laser->Open());
   for (Axis* axis : context_.devices.axes) MESORIG_RETURN_IF_ERROR(axis->Enable());
   return HomeAxes();
 }
@@ -69,6 +74,10 @@ Status PlanRun::RunStep(const Step& step) {
       return SwitchLamp(step.lamp);
     case StepKind::kShot:
       return Shoot(step);
+    case StepKind::kMount:
+      return Mount(step.sweep.mount);
+    case StepKind::kSweep:
+      return RunSweep(step);
   }
   return Internal("plan {}: a step of unknown kind {}", plan_.name, static_cast<int>(step.kind));
 }
@@ -148,10 +157,15 @@ Status PlanRun::SwitchLamp(int lamp) {
 }
 
 Status PlanRun::ConfigureCameras(const Step& step) {
-  for (const int camera : step.cameras) {
-    if (exposure_of_camera_[camera] == step.exposure_s) continue;
-    MESORIG_RETURN_IF_ERROR(context_.devices.cameras[camera]->Configure(step.exposure_s, 0));
-    exposure_of_camera_[camera] = step.exposure_s;
+  for (size_t k = 0; k < step.cameras.size(); ++k) {
+    const int camera = step.cameras[k];
+    const CameraSetting setting{step.exposure_s, step.kind == StepKind::kSweep
+                                                     ? step.sweep.regions[k]
+                                                     : context_.rig.cameras[camera].full_region()};
+    if (camera_settings_[camera] == setting) continue;
+    MESORIG_RETURN_IF_ERROR(
+        context_.devices.cameras[camera]->Configure(setting.exposure_s, setting.region, 0));
+    camera_settings_[camera] = setting;
   }
   return OkStatus();
 }
@@ -219,10 +233,13 @@ FrameRecord PlanRun::MakeRecord(const Step& step, int camera, const CapturedFram
   record.width = frame.width;
   record.height = frame.height;
   record.bits = frame.bits;
+  record.region_x = camera_settings_[camera].region.x;
+  record.region_y = camera_settings_[camera].region.y;
   return record;
 }
 
 Status PlanRun::WindDown() {
+  if (context_.gate != nullptr) MESORIG_RETURN_IF_ERROR(context_.gate->Close());
   MESORIG_RETURN_IF_ERROR(context_.devices.lamps->AllOff());
   lamp_ = -1;
   for (Axis* axis : context_.devices.axes) MESORIG_RETURN_IF_ERROR(axis->Disable());
@@ -236,10 +253,12 @@ void PlanRun::MakeSafe() {
     spdlog::error("{}: {}", what, Message(status));
     context_.on_note(fmt::format("{}: {}", what, Message(status)));
   };
+  if (context_.gate != nullptr) context_.gate->Shut();  // the one-shot does the rest
   note("lamps off", context_.devices.lamps->AllOff());
   // All of them first: a drive that does not answer must not delay the next one's stop.
   for (Axis* axis : context_.devices.axes) note("quick stop", axis->QuickStop());
   for (Axis* axis : context_.devices.axes) note("torque off", axis->Disable());
+  if (plan_.sweeps > 0 && LaserReady()) note("laser's motor off", context_.devices.laser->Stop());
   ReadAxes();
   note("reading lamps", ReadLevels().status());
 }

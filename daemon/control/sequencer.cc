@@ -17,6 +17,12 @@ namespace mesorig::daemon {
 namespace {
 
 using HostClock = std::chrono::steady_clock;
+
+bool Runs(SequencerState state) {
+  return state == SequencerState::kRunning || state == SequencerState::kWaiting ||
+         state == SequencerState::kStopping;
+}
+
 constexpr RigTime kIdleRefresh{1'000'000'000};
 
 class SequencerImpl final : public Sequencer {
@@ -26,6 +32,7 @@ class SequencerImpl final : public Sequencer {
   ~SequencerImpl() override;
   Status Start(CompiledPlan plan, std::shared_ptr<Session> session) override;
   Status Stop(std::string_view reason) override;
+  Status Acknowledge(uint32_t prompt_id) override { return desk_.Acknowledge(prompt_id); }
   SequencerStatus GetStatus() const override;
   void OnEvent(std::function<void(const SequencerEvent&)> listener) override;
 
@@ -46,6 +53,7 @@ class SequencerImpl final : public Sequencer {
   void SetState(SequencerState state, std::string_view message);
   void Emit(SequencerEvent::Kind kind, std::string_view text,
             const std::function<void(SequencerEvent&)>& fill = nullptr);
+  void OnWait(bool waiting);
   void RefreshIdleReadings();
 
   RigClock& clock_;
@@ -53,6 +61,8 @@ class SequencerImpl final : public Sequencer {
   const Devices devices_;
   const std::function<bool()> deterministic_;
   InterlockChain chain_;
+  std::optional<LaserGate> gate_;  // in a rig with a laser
+  OperatorDesk desk_;
   ReadingBoard board_;
   std::atomic<uint32_t> frames_durable_{0};
   // Guarded by the clock's lock:
@@ -73,8 +83,12 @@ SequencerImpl::SequencerImpl(RigClock& clock, const Rig& rig, Devices devices,
       devices_(std::move(devices)),
       deterministic_(std::move(deterministic)),
       chain_(clock, devices_.lines, rig.lines, *devices_.stop),
+      desk_(clock, chain_, *devices_.stop),
       board_(rig),
-      thread_(clock, "sequencer", [this] { Loop(); }) {}
+      thread_(clock, "sequencer", [this] { Loop(); }) {
+  // (Before the first plan: nobody else has this object yet.)
+  if (rig.laser) gate_.emplace(clock, devices_.lines, rig.lines, *devices_.stop);
+}
 
 SequencerImpl::~SequencerImpl() {
   if (const Status status = Stop("the daemon ends"); !status.ok()) {
@@ -84,10 +98,7 @@ SequencerImpl::~SequencerImpl() {
 }
 
 Status SequencerImpl::Start(CompiledPlan plan, std::shared_ptr<Session> session) {
-  const auto busy = [&] {
-    return job_ || status_.state == SequencerState::kRunning ||
-           status_.state == SequencerState::kStopping;
-  };
+  const auto busy = [&] { return job_ || Runs(status_.state); };
   Status refusal;
   const auto refuse_when_busy = [&] {
     if (busy()) {
@@ -122,12 +133,13 @@ Status SequencerImpl::Start(CompiledPlan plan, std::shared_ptr<Session> session)
 
 Status SequencerImpl::Stop(std::string_view reason) {
   clock_.Change([&] {
-    if (status_.state != SequencerState::kRunning) return;
+    if (!Runs(status_.state) || status_.state == SequencerState::kStopping) return;
     status_.state = SequencerState::kStopping;
     status_.message = reason;
     devices_.stop->RaiseInsideChange(reason);
   });
   // Not left to the sequencer's thread: it may hang.
+  if (gate_) gate_->Shut();
   return devices_.lamps->AllOff();
 }
 
@@ -139,12 +151,11 @@ SequencerStatus SequencerImpl::GetStatus() const {
     started = run_started_;
   });
   status.now = clock_.Now();
-  const bool runs =
-      status.state == SequencerState::kRunning || status.state == SequencerState::kStopping;
-  if (runs && started != RigTime{}) status.rig_s = Seconds(status.now - started);
+  if (Runs(status.state) && started != RigTime{}) status.rig_s = Seconds(status.now - started);
   status.frames_durable = frames_durable_;
   status.deterministic = deterministic_();
   status.readings = board_.Get();
+  status.prompt = desk_.current();
   return status;
 }
 
@@ -232,10 +243,14 @@ Status SequencerImpl::RunInActivity(const Job& job, Times& times) {
   {
     RigClock::Activity activity(clock_, Pace::kFree);
     chain_.Arm();
+    desk_.BeginSession();
     const PlanRun::Context context{clock_,
                                    rig_,
                                    devices_,
                                    chain_,
+                                   gate_ ? &*gate_ : nullptr,
+                                   desk_,
+                                   activity,
                                    board_,
                                    [this](const RunProgress& progress) {
                                      clock_.Change([&] {
@@ -247,7 +262,8 @@ Status SequencerImpl::RunInActivity(const Job& job, Times& times) {
                                    [this](const std::string& note) {
                                      spdlog::warn("{}", note);
                                      Emit(SequencerEvent::Kind::kNote, note);
-                                   }};
+                                   },
+                                   [this](bool waiting) { OnWait(waiting); }};
     PlanRun run(context, job.plan, *job.session);
     status = run.Run();
     if (!status.ok()) {
@@ -263,6 +279,17 @@ Status SequencerImpl::RunInActivity(const Job& job, Times& times) {
   times.virtual_s = Seconds(clock_.Now() - start);
   times.wall_s = std::chrono::duration<double>(HostClock::now() - wall_start).count();
   return status;
+}
+
+void SequencerImpl::OnWait(bool waiting) {
+  bool changed = false;
+  clock_.Change([&] {
+    const auto from = waiting ? SequencerState::kRunning : SequencerState::kWaiting;
+    changed = status_.state == from;  // a stop has the last word
+    if (changed) status_.state = waiting ? SequencerState::kWaiting : SequencerState::kRunning;
+  });
+  if (changed) Emit(SequencerEvent::Kind::kState, "");
+  if (waiting) Emit(SequencerEvent::Kind::kPrompt, "");
 }
 
 Status SequencerImpl::EndSession(const Job& job, const Status& run, const Times& times) {

@@ -3,13 +3,16 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "daemon/control/operator_desk.h"
 #include "daemon/device/axis.h"
 #include "daemon/device/camera.h"
 #include "daemon/device/digital_lines.h"
 #include "daemon/device/lamp_bank.h"
+#include "daemon/device/line_laser.h"
 #include "daemon/device/stop_flag.h"
 #include "daemon/session/session.h"
 #include "protocol/base/clocks.h"
@@ -23,11 +26,13 @@ struct Devices {
   std::vector<Axis*> axes;
   LampBank* lamps = nullptr;
   DigitalLines* lines = nullptr;
+  LineLaser* laser = nullptr;  // null in a rig without one
   std::vector<Camera*> cameras;
   StopFlag* stop = nullptr;  // the one that the devices' waits look at
 };
 
-enum class SequencerState { kIdle, kRunning, kStopping, kFault };
+// kWaiting: for the operator; laser, lamps and torque are off.
+enum class SequencerState { kIdle, kRunning, kWaiting, kStopping, kFault };
 
 // A value read back from the rig, with when.
 struct Reading {
@@ -45,11 +50,12 @@ struct SequencerStatus {
   std::vector<Reading> readings;
   RigTime now{};
   bool deterministic = true;
+  std::optional<OperatorPrompt> prompt;  // in kWaiting
 };
 
 // What happened, for clients; sequence numbers are the service's.
 struct SequencerEvent {
-  enum class Kind { kState, kStarted, kProgress, kEnded, kNote } kind = Kind::kNote;
+  enum class Kind { kState, kStarted, kProgress, kPrompt, kEnded, kNote } kind = Kind::kNote;
   SequencerStatus status;
   bool complete = false;
   double virtual_s = 0, wall_s = 0;
@@ -73,6 +79,9 @@ class Sequencer {
   // are off (Unavailable when the bank does not answer), not when the session has ended. When idle:
   // lamps off.
   virtual Status Stop(std::string_view reason) = 0;
+  // The operator has done what the prompt asks for; the plan goes on once the rig says so too.
+  // FailedPrecondition when another prompt, or none, is waiting.
+  virtual Status Acknowledge(uint32_t prompt_id) = 0;
   virtual SequencerStatus GetStatus() const = 0;
   virtual void OnEvent(std::function<void(const SequencerEvent&)> listener) = 0;
 };

@@ -7,6 +7,7 @@
 
 #include "protocol/base/clocks.h"
 #include "protocol/base/status.h"
+#include "protocol/rig/rig.h"
 
 namespace mesorig::daemon {
 
@@ -25,8 +26,9 @@ class Camera {
   virtual ~Camera() = default;
   virtual const std::string& name() const = 0;
   virtual Status Open() = 0;
-  // Takes effect for the next trigger. `repeat_index` makes noise of repeats differ in simulation.
-  virtual Status Configure(double exposure_s, uint32_t repeat_index) = 0;
+  // Takes effect for the next trigger, whose frame holds `region` of the sensor. `repeat_index` makes
+  // noise of repeats differ in simulation. InvalidArgument for what the camera cannot do.
+  virtual Status Configure(double exposure_s, const Region& region, uint32_t repeat_index) = 0;
   virtual Status Trigger(uint32_t trigger_id) = 0;
   // The frame of this trigger. DeadlineExceeded after `deadline`; a frame of another trigger is
   // dropped and counted.

@@ -57,6 +57,12 @@ StatusOr<std::unique_ptr<DigitalLines>> MakeDigitalLines(std::string_view driver
   return make(context);
 }
 
+StatusOr<std::unique_ptr<LineLaser>> MakeLineLaser(std::string_view driver,
+                                                   const DriverContext& context) {
+  MESORIG_ASSIGN_OR_RETURN(const auto make, Find(driver, &Driver::make_laser, "line lasers"));
+  return make(context);
+}
+
 StatusOr<std::unique_ptr<Camera>> MakeCamera(std::string_view driver, const DriverContext& context,
                                              int index) {
   MESORIG_ASSIGN_OR_RETURN(const auto make, Find(driver, &Driver::make_camera, "cameras"));

@@ -12,6 +12,7 @@ InterlockChain::InterlockChain(RigClock& clock, DigitalLines* lines, const Lines
     : clock_(clock), lines_(lines), numbers_(numbers), stop_(stop) {
   if (lines_ == nullptr) return;
   lines_->OnEdge([this](int line, bool level, RigTime when) {
+    NoteVisitInsideChange(line, level);
     const bool of_chain = line == numbers_.estop || line == numbers_.door;
     if (level || !of_chain) return;
     LatchInsideChange(fmt::format("interlock chain: {} (line {}) opened at {:.3f} s",
@@ -27,6 +28,25 @@ void InterlockChain::LatchInsideChange(std::string opening) {
   if (!armed_ || !opening_.empty()) return;
   opening_ = std::move(opening);
   stop_.RaiseInsideChange(opening_);
+}
+
+void InterlockChain::BeginVisit() {
+  clock_.Change([&] {
+    visit_ = {};
+    door_opened_ = false;
+  });
+}
+
+void InterlockChain::NoteVisitInsideChange(int line, bool level) {
+  if (line == numbers_.door) {
+    if (!level) {
+      door_opened_ = true;
+      visit_ = {};  // hands may be in the rig again
+    } else if (door_opened_) {
+      visit_.door_cycled = true;
+    }
+  }
+  if (line == numbers_.reset && level && visit_.door_cycled) visit_.reset = true;
 }
 
 Status InterlockChain::ReadLine(int line, std::string_view line_name, bool& closed) {

@@ -29,12 +29,22 @@ class InterlockChain {
   Status Check();
   Levels levels() const;  // of the last Check
 
+  // What the operator did at the rig since BeginVisit: the door opened and closed again, then reset
+  // pressed with the whole chain closed. Nothing else lets a plan go on after hands were in the
+  // rig.
+  struct Visit {
+    bool door_cycled = false, reset = false;
+  };
+  void BeginVisit();
+  Visit VisitInsideChange() const { return visit_; }
+
   void Arm();  // forgets what was latched
   void Disarm();
   // OK, or FailedPrecondition with the first opening since Arm.
   Status Opening() const;
 
  private:
+  void NoteVisitInsideChange(int line, bool level);
   Status ReadLine(int line, std::string_view line_name, bool& closed);
   void LatchInsideChange(std::string opening);
 
@@ -46,6 +56,8 @@ class InterlockChain {
   bool armed_ = false;
   std::string opening_;  // empty: none
   Levels levels_;
+  Visit visit_;
+  bool door_opened_ = false;  // since BeginVisit
 };
 
 }  // namespace mesorig::daemon

@@ -66,7 +66,7 @@ Status ControlService::StartPlan(const v1::RunRequest& request, v1::RunReply& re
   MESORIG_ASSIGN_OR_RETURN(CompiledPlan plan, CompilePlan(request.plan_toml(), name, rig_));
   // (Start says the same, but a session would be on the disk by then.)
   const SequencerStatus status = sequencer_.GetStatus();
-  if (status.state == SequencerState::kRunning || status.state == SequencerState::kStopping) {
+  if (status.state != SequencerState::kIdle && status.state != SequencerState::kFault) {
     return FailedPrecondition("session {} is running: stop it or wait for its end",
                               status.session_id);
   }
@@ -75,6 +75,8 @@ Status ControlService::StartPlan(const v1::RunRequest& request, v1::RunReply& re
   reply.set_frame_bytes(plan.frame_bytes);
   reply.set_estimated_s(plan.seconds);
   reply.set_frames_blocked(plan.frames_blocked);
+  reply.set_sweeps(plan.sweeps);
+  reply.set_prompts(plan.prompts);
   return StartSession(std::move(plan), reply, stops_before);
 }
 
@@ -129,6 +131,12 @@ grpc::Status ControlService::Stop(grpc::ServerContext*, const v1::StopRequest* r
       request->reason().empty() ? "stopped by a client" : "stopped: " + request->reason();
   spdlog::info("{}", reason);
   return wire::ToGrpc(sequencer_.Stop(reason));
+}
+
+grpc::Status ControlService::Acknowledge(grpc::ServerContext*,
+                                         const v1::AcknowledgeRequest* request,
+                                         v1::AcknowledgeReply*) {
+  return wire::ToGrpc(sequencer_.Acknowledge(request->prompt_id()));
 }
 
 grpc::Status ControlService::Pause(grpc::ServerContext*, const v1::PauseRequest*, v1::PauseReply*) {

@@ -35,6 +35,8 @@ class ControlService final : public v1::Control::Service {
                      v1::PauseReply* reply) override;
   grpc::Status Resume(grpc::ServerContext* context, const v1::ResumeRequest* request,
                       v1::ResumeReply* reply) override;
+  grpc::Status Acknowledge(grpc::ServerContext* context, const v1::AcknowledgeRequest* request,
+                           v1::AcknowledgeReply* reply) override;
 
  private:
   Status StartPlan(const v1::RunRequest& request, v1::RunReply& reply);

@@ -10,12 +10,25 @@ v1::State ToMessage(SequencerState state) {
       return v1::IDLE;
     case SequencerState::kRunning:
       return v1::RUNNING;
+    case SequencerState::kWaiting:
+      return v1::WAITING;
     case SequencerState::kStopping:
       return v1::STOPPING;
     case SequencerState::kFault:
       return v1::FAULT;
   }
   return v1::STATE_UNSPECIFIED;
+}
+
+v1::Prompt ToMessage(const OperatorPrompt& prompt) {
+  v1::Prompt out;
+  out.set_id(prompt.id);
+  out.set_text(prompt.text);
+  out.set_mount(prompt.mount);
+  out.set_acknowledged(prompt.acknowledged);
+  out.set_door_cycled(prompt.door_cycled);
+  out.set_reset(prompt.reset);
+  return out;
 }
 
 v1::StatusReply ToMessage(const SequencerStatus& status, uint32_t frames_planned) {
@@ -30,6 +43,7 @@ v1::StatusReply ToMessage(const SequencerStatus& status, uint32_t frames_planned
   reply.set_estimated_s(status.estimated_s);
   reply.set_message(status.message);
   reply.set_deterministic(status.deterministic);
+  if (status.prompt) *reply.mutable_prompt() = ToMessage(*status.prompt);
   for (const Reading& reading : status.readings) {
     v1::Reading& out = *reply.add_readings();
     out.set_name(reading.name);
@@ -70,6 +84,9 @@ v1::Event ToMessage(const SequencerEvent& event, uint32_t frames_planned) {
       ended.set_deterministic(status.deterministic);
       break;
     }
+    case SequencerEvent::Kind::kPrompt:
+      if (status.prompt) *out.mutable_prompt() = ToMessage(*status.prompt);
+      break;
     case SequencerEvent::Kind::kNote:
       out.set_note(event.text);
       break;

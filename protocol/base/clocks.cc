@@ -29,15 +29,13 @@ RigClock::Member::~Member() {
   clock_.OnChangeLocked(lock);
 }
 
-RigClock::Activity::Activity(RigClock& clock, Pace pace) : clock_(clock), pace_(pace) {
-  std::unique_lock lock(clock_.mutex_);
-  ++(pace_ == Pace::kFree ? clock_.free_activities_ : clock_.real_time_activities_);
-  clock_.OnChangeLocked(lock);
-}
+RigClock::Activity::Activity(RigClock& clock, Pace pace) : clock_(clock), pace_(pace) { Count(1); }
 
-RigClock::Activity::~Activity() {
+RigClock::Activity::~Activity() { Count(-1); }
+
+void RigClock::Activity::Count(int change) {
   std::unique_lock lock(clock_.mutex_);
-  --(pace_ == Pace::kFree ? clock_.free_activities_ : clock_.real_time_activities_);
+  (pace_ == Pace::kFree ? clock_.free_activities_ : clock_.real_time_activities_) += change;
   clock_.OnChangeLocked(lock);
 }
 

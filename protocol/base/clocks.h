@@ -61,8 +61,12 @@ class RigClock {
     ~Activity();
     Activity(const Activity&) = delete;
     Activity& operator=(const Activity&) = delete;
+    // Between these it does not count: a plan that waits for the operator.
+    void Suspend() { Count(-1); }
+    void Continue() { Count(1); }
 
    private:
+    void Count(int change);
     RigClock& clock_;
     Pace pace_;
   };
@@ -79,7 +83,10 @@ class RigClock {
   // Runs `change` under the clock's lock, then wakes every member whose predicate became true
   // before time can pass. Any thread may call it.
   void Change(const std::function<void()>& change);
-  void Read(const std::function<void()>& read) const { std::lock_guard lock(mutex_); read(); }
+  void Read(const std::function<void()>& read) const {
+    std::lock_guard lock(mutex_);
+    read();
+  }
 
   // Names of the members that are not waiting, and for how long they have been running in host
   // time: who holds time.

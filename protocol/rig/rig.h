@@ -52,6 +52,13 @@ struct Lamp {
 
 enum class BayerPattern { kMono, kRggb };
 
+// A rectangle of pixels of a sensor: what a camera reads. Even origin and size, so that the Bayer
+// pattern stays.
+struct Region {
+  int x = 0, y = 0, width = 0, height = 0;
+  friend bool operator==(const Region&, const Region&) = default;
+};
+
 // A pinhole camera. Camera frame: x right, y down, z forward. A point (x, y, z) of it is seen at
 // u = focal_px x/z + cx, v = focal_px y/z + cy; pixel (i, j) covers [i, i+1) x [j, j+1), so that
 // its centre is (i + 1/2, j + 1/2).
@@ -71,17 +78,11 @@ struct Camera {
   double readout_s = 0;  // from the end of exposure to the frame's delivery
   int white_dn() const { return (1 << bits) - 1; }
   int bytes_per_pixel() const { return bits > 8 ? 2 : 1; }
+  Region full_region() const { return {0, 0, width, height}; }
   size_t frame_bytes() const {
     return static_cast<size_t>(width) * static_cast<size_t>(height) *
            static_cast<size_t>(bytes_per_pixel());
   }
-};
-
-// A rectangle of pixels of a sensor: what a camera reads. Even origin and size, so that the Bayer
-// pattern stays.
-struct Region {
-  int x = 0, y = 0, width = 0, height = 0;
-  friend bool operator==(const Region&, const Region&) = default;
 };
 
 // A capsule that blocks beams and views.

@@ -12,6 +12,7 @@ class GpioLines final : public DigitalLines {
     port_.OnEdge([](int, bool, RigTime) {});
   }
   StatusOr<bool> Read(int line) override { return port_.Read(line); }
+  Status Write(int line, bool level) override { return port_.Write(line, level); }
   void OnEdge(std::function<void(int line, bool level, RigTime when)> on_edge) override {
     port_.OnEdge(std::move(on_edge));
   }

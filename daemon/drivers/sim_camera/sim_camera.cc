@@ -16,18 +16,24 @@ class SimCamera final : public Camera {
  public:
   SimCamera(RigClock& clock, sim_wire::SimLink& link, const StopFlag& stop,
             const mesorig::Camera& description)
-      : clock_(clock), link_(link), stop_(stop), camera_(description), received_(clock) {}
+      : clock_(clock),
+        link_(link),
+        stop_(stop),
+        camera_(description),
+        region_(description.full_region()),
+        received_(clock) {}
   ~SimCamera() override {
     if (device_) link_.Subscribe(*device_, [](RigTime, std::string) {});
   }
   const std::string& name() const override { return camera_.name; }
   Status Open() override;
-  Status Configure(double exposure_s, uint32_t repeat_index) override;
+  Status Configure(double exposure_s, const Region& region, uint32_t repeat_index) override;
   Status Trigger(uint32_t trigger_id) override;
   StatusOr<CapturedFrame> Await(uint32_t trigger_id, RigTime deadline) override;
   uint64_t dropped_frames() const override { return dropped_; }
 
  private:
+  Status WriteRegion(const Region& region);
   Status Write(CameraRegister reg, std::string_view register_name, double value);
   Status CheckOpen() const;
   // nullopt: not a frame of this trigger; counted.
@@ -37,6 +43,7 @@ class SimCamera final : public Camera {
   sim_wire::SimLink& link_;
   const StopFlag& stop_;
   const mesorig::Camera camera_;
+  Region region_;  // what frames hold
   std::optional<uint16_t> device_;
   RigQueue<std::string> received_;
   uint64_t dropped_ = 0;
@@ -57,14 +64,33 @@ Status SimCamera::Open() {
   return OkStatus();
 }
 
-Status SimCamera::Configure(double exposure_s, uint32_t repeat_index) {
+Status SimCamera::Configure(double exposure_s, const Region& region, uint32_t repeat_index) {
   MESORIG_RETURN_IF_ERROR(CheckOpen());
   if (!(exposure_s >= camera_.min_exposure_s && exposure_s <= camera_.max_exposure_s)) {
     return InvalidArgument("camera {}: exposure {} s is not in [{}, {}] s", camera_.name,
                            exposure_s, camera_.min_exposure_s, camera_.max_exposure_s);
   }
   MESORIG_RETURN_IF_ERROR(Write(CameraRegister::kExposureS, "exposure", exposure_s));
+  if (region != region_) MESORIG_RETURN_IF_ERROR(WriteRegion(region));
   return Write(CameraRegister::kRepeatIndex, "repeat index", repeat_index);
+}
+
+// By way of the sensor's corner: the region fits the sensor after every write.
+Status SimCamera::WriteRegion(const Region& region) {
+  if (region.x < 0 || region.y < 0 || region.width <= 0 || region.height <= 0 ||
+      region.x + region.width > camera_.width || region.y + region.height > camera_.height) {
+    return InvalidArgument("camera {}: region {} x {} at ({}, {}) is not in its {} x {} pixels",
+                           camera_.name, region.width, region.height, region.x, region.y,
+                           camera_.width, camera_.height);
+  }
+  MESORIG_RETURN_IF_ERROR(Write(CameraRegister::kRegionX, "region x", 0));
+  MESORIG_RETURN_IF_ERROR(Write(CameraRegister::kRegionY, "region y", 0));
+  MESORIG_RETURN_IF_ERROR(Write(CameraRegister::kRegionWidth, "region width", region.width));
+  MESORIG_RETURN_IF_ERROR(Write(CameraRegister::kRegionHeight, "region height", region.height));
+  MESORIG_RETURN_IF_ERROR(Write(CameraRegister::kRegionX, "region x", region.x));
+  MESORIG_RETURN_IF_ERROR(Write(CameraRegister::kRegionY, "region y", region.y));
+  region_ = region;
+  return OkStatus();
 }
 
 Status SimCamera::Write(CameraRegister reg, std::string_view register_name, double value) {
@@ -113,13 +139,15 @@ StatusOr<std::optional<CapturedFrame>> SimCamera::Accept(std::string payload, ui
                             : std::string(Message(frame.status())));
     return std::nullopt;
   }
-  if (frame->width != camera_.width || frame->height != camera_.height ||
-      frame->bits != camera_.bits || frame->pixels.size() != camera_.frame_bytes()) {
+  const size_t bytes = static_cast<size_t>(region_.width) * static_cast<size_t>(region_.height) *
+                       static_cast<size_t>(camera_.bytes_per_pixel());
+  if (frame->width != region_.width || frame->height != region_.height ||
+      frame->bits != camera_.bits || frame->pixels.size() != bytes) {
     return Unavailable(
-        "camera {}: frame of {} x {} pixels, {} bits, {} bytes; the rig says {} x {}, "
+        "camera {}: frame of {} x {} pixels, {} bits, {} bytes; asked for were {} x {}, "
         "{} bits, {} bytes",
-        camera_.name, frame->width, frame->height, frame->bits, frame->pixels.size(), camera_.width,
-        camera_.height, camera_.bits, camera_.frame_bytes());
+        camera_.name, frame->width, frame->height, frame->bits, frame->pixels.size(), region_.width,
+        region_.height, camera_.bits, bytes);
   }
   CapturedFrame captured{
       frame->trigger_id,     frame->frame_id,

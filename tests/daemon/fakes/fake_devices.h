@@ -180,14 +180,45 @@ class FakeLines final : public DigitalLines {
   explicit FakeLines(RigClock& clock) : clock_(clock) {}
   StatusOr<bool> Read(int line) override {
     StatusOr<bool> level = true;
+    const RigTime now = clock_.Now();
     clock_.Read([&] {
       if (broken_) {
         level = Unavailable("chip gone");
+      } else if (line == on_) {
+        level = now < lit_until_;
       } else {
         level = !open_.contains(line);
       }
     });
     return level;
+  }
+  // A rising edge of `trigger` lights `on` for the one-shot's time.
+  void AddOneShot(int trigger, int on) {
+    clock_.Change([&] {
+      trigger_ = trigger;
+      on_ = on;
+    });
+  }
+  Status Write(int line, bool level) override {
+    const RigTime now = clock_.Now();
+    clock_.Change([&] {
+      if (line == trigger_ && level) {
+        ++edges_;
+        lit_until_ = now + FromSeconds(kLaserOneShot_s);
+      }
+    });
+    return OkStatus();
+  }
+  bool lit() const {
+    const RigTime now = clock_.Now();
+    bool lit = false;
+    clock_.Read([&] { lit = now < lit_until_; });
+    return lit;
+  }
+  int edges() const {
+    int edges = 0;
+    clock_.Read([&] { edges = edges_; });
+    return edges;
   }
   void OnEdge(std::function<void(int, bool, RigTime)> on_edge) override {
     clock_.Change([&] { on_edge_ = std::move(on_edge); });
@@ -210,6 +241,8 @@ class FakeLines final : public DigitalLines {
  private:
   RigClock& clock_;
   std::set<int> open_;
+  int trigger_ = -1, on_ = -1, edges_ = 0;
+  RigTime lit_until_{};
   bool broken_ = false;
   std::function<void(int, bool, RigTime)> on_edge_;
 };
@@ -222,9 +255,10 @@ class FakeCamera final : public Camera {
   std::set<uint32_t> lost_triggers;  // of these no frame comes
   const std::string& name() const override { return camera_.name; }
   Status Open() override { return log_.Add(camera_.name + " open"); }
-  Status Configure(double exposure_s, uint32_t) override {
+  Status Configure(double exposure_s, const Region& region, uint32_t) override {
     MESORIG_RETURN_IF_ERROR(log_.Add(fmt::format("{} exposure {}", camera_.name, exposure_s)));
     exposure_s_ = exposure_s;
+    region_ = region;
     return OkStatus();
   }
   Status Trigger(uint32_t trigger_id) override {
@@ -242,8 +276,10 @@ class FakeCamera final : public Camera {
     if (lost)
       return DeadlineExceeded("camera {}: no frame of trigger {}", camera_.name, trigger_id);
     CapturedFrame frame{trigger_id,    ++frames_,      triggered_at_, end,
-                        camera_.width, camera_.height, camera_.bits,  nullptr};
-    frame.pixels = std::make_shared<const std::string>(camera_.frame_bytes(), 'p');
+                        region_.width, region_.height, camera_.bits,  nullptr};
+    const auto pixels = static_cast<size_t>(region_.width) * static_cast<size_t>(region_.height);
+    frame.pixels = std::make_shared<const std::string>(
+        pixels * static_cast<size_t>(camera_.bytes_per_pixel()), 'p');
     return frame;
   }
   uint64_t dropped_frames() const override { return 0; }
@@ -254,6 +290,7 @@ class FakeCamera final : public Camera {
   OperationLog& log_;
   const mesorig::Camera camera_;
   double exposure_s_ = 0;
+  Region region_ = camera_.full_region();
   RigTime triggered_at_{};
   uint64_t frames_ = 0;
 };

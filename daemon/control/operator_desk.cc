@@ -1,0 +1,54 @@
+#include "daemon/control/operator_desk.h"
+
+namespace mesorig::daemon {
+
+Status OperatorDesk::Ask(std::string text, std::string mount, const std::function<void()>& posted) {
+  chain_.BeginVisit();
+  clock_.Change([&] {
+    OperatorPrompt prompt;
+    prompt.id = ++last_id_;
+    prompt.text = std::move(text);
+    prompt.mount = std::move(mount);
+    prompt_ = std::move(prompt);
+  });
+  posted();
+  const Status waited = stop_.Wait(kNever, [&] {
+    const InterlockChain::Visit visit = chain_.VisitInsideChange();
+    return prompt_->acknowledged && visit.door_cycled && visit.reset;
+  });
+  clock_.Change([&] { prompt_.reset(); });
+  return waited;
+}
+
+Status OperatorDesk::Acknowledge(uint32_t id) {
+  Status status;
+  clock_.Change([&] {
+    if (!prompt_) {
+      status = FailedPrecondition("nothing is asked of the operator");
+    } else if (prompt_->id != id) {
+      status =
+          FailedPrecondition("prompt {} is not the one that waits, which is {}", id, prompt_->id);
+    } else {
+      prompt_->acknowledged = true;
+    }
+  });
+  return status;
+}
+
+std::optional<OperatorPrompt> OperatorDesk::current() const {
+  std::optional<OperatorPrompt> prompt;
+  clock_.Read([&] {
+    prompt = prompt_;
+    if (!prompt) return;
+    const InterlockChain::Visit visit = chain_.VisitInsideChange();
+    prompt->door_cycled = visit.door_cycled;
+    prompt->reset = visit.reset;
+  });
+  return prompt;
+}
+
+void OperatorDesk::BeginSession() {
+  clock_.Change([&] { last_id_ = 0; });
+}
+
+}  // namespace mesorig::daemon

@@ -1,0 +1,116 @@
+#include "daemon/drivers/nxt_laser/nxt_brick.h"
+
+#include "protocol/base/bytes.h"
+
+namespace mesorig::daemon::nxt_laser {
+namespace {
+
+constexpr RigTime kReplyLimit = std::chrono::seconds(1);
+constexpr uint8_t kWithReply = 0x00, kReply = 0x02;
+enum Command : uint8_t {
+  kSetOutputState = 0x04,
+  kGetOutputState = 0x06,
+  kResetMotorPosition = 0x0A,
+  kGetBatteryLevel = 0x0B,
+  kKeepAlive = 0x0D,
+};
+// SETOUTPUTSTATE: mode, regulation and run state.
+constexpr uint8_t kMotorOn = 0x01, kBrake = 0x02, kRegulated = 0x04;
+constexpr uint8_t kRegulationIdle = 0x00, kRegulateSpeed = 0x01;
+constexpr uint8_t kRunIdle = 0x00, kRunRunning = 0x20;
+
+ByteWriter Telegram(Command command) {
+  ByteWriter out;
+  out.Put(kWithReply).Put(static_cast<uint8_t>(command));
+  return out;
+}
+
+}  // namespace
+
+NxtBrick::NxtBrick(RigClock& clock, UsbPort& port) : clock_(clock), port_(port), replies_(clock) {
+  port_.OnPacket(
+      [this](RigTime, std::string packet) { replies_.PushInsideChange(std::move(packet)); });
+}
+
+NxtBrick::~NxtBrick() {
+  port_.OnPacket([](RigTime, std::string) {});
+}
+
+StatusOr<std::string> NxtBrick::Exchange(std::string_view what, std::string telegram, size_t size) {
+  const char command = telegram[1];
+  replies_.Clear();  // what a reply of an earlier exchange left, which came too late
+  MESORIG_RETURN_IF_ERROR(Annotate(port_.Write(telegram), fmt::format("NXT: {}", what)));
+  // The StopFlag does not end this: a stop goes through here.
+  const auto reply = replies_.Pop(clock_.Now() + kReplyLimit);
+  if (!reply) {
+    return Unavailable("NXT: {}: no reply in {} s: the brick is off or its cable is out", what,
+                       Seconds(kReplyLimit));
+  }
+  if (reply->size() < 3 || (*reply)[0] != static_cast<char>(kReply) || (*reply)[1] != command) {
+    return Unavailable("NXT: {}: a reply of {} bytes that answers something else", what,
+                       reply->size());
+  }
+  if (const auto status = static_cast<uint8_t>((*reply)[2]); status != 0) {
+    return Unavailable("NXT: {}: the brick refuses with 0x{:02X}", what, status);
+  }
+  if (reply->size() != size) {
+    return Unavailable("NXT: {}: a reply of {} bytes, {} expected", what, reply->size(), size);
+  }
+  return *reply;
+}
+
+Status NxtBrick::Run(int motor, int power, uint32_t limit_deg) {
+  ByteWriter out = Telegram(kSetOutputState);
+  out.Put(static_cast<uint8_t>(motor)).Put(static_cast<int8_t>(power));
+  out.Put<uint8_t>(kMotorOn | kBrake | kRegulated).Put(kRegulateSpeed);
+  out.Put<int8_t>(0).Put(kRunRunning).Put(limit_deg);
+  return Exchange("motor on", out.Take(), 3).status();
+}
+
+Status NxtBrick::Halt(int motor) {
+  ByteWriter out = Telegram(kSetOutputState);
+  out.Put(static_cast<uint8_t>(motor)).Put<int8_t>(0);
+  out.Put<uint8_t>(kBrake).Put(kRegulationIdle);
+  out.Put<int8_t>(0).Put(kRunIdle).Put<uint32_t>(0);
+  return Exchange("motor off", out.Take(), 3).status();
+}
+
+Status NxtBrick::ResetPosition(int motor) {
+  ByteWriter out = Telegram(kResetMotorPosition);
+  out.Put(static_cast<uint8_t>(motor)).Put<uint8_t>(0);  // absolute
+  return Exchange("reset of the position", out.Take(), 3).status();
+}
+
+StatusOr<OutputState> NxtBrick::GetOutput(int motor) {
+  ByteWriter out = Telegram(kGetOutputState);
+  out.Put(static_cast<uint8_t>(motor));
+  MESORIG_ASSIGN_OR_RETURN(const std::string reply, Exchange("reading the motor", out.Take(), 25));
+  ByteReader in(std::string_view(reply).substr(3));
+  const auto port = in.Get<uint8_t>();
+  OutputState state;
+  state.power = in.Get<int8_t>();
+  (void)in.Get<uint8_t>();  // mode
+  (void)in.Get<uint8_t>();  // regulation
+  (void)in.Get<int8_t>();   // turn ratio
+  state.running = in.Get<uint8_t>() != kRunIdle;
+  (void)in.Get<uint32_t>();  // tacho limit
+  (void)in.Get<int32_t>();   // tacho count of the motor's own control
+  (void)in.Get<int32_t>();   // block tacho count
+  state.rotation_deg = in.Get<int32_t>();
+  if (port != motor) return Unavailable("NXT: motor {} answered, {} was asked", port, motor);
+  return state;
+}
+
+StatusOr<double> NxtBrick::BatteryVolts() {
+  MESORIG_ASSIGN_OR_RETURN(const std::string reply,
+                           Exchange("reading the battery", Telegram(kGetBatteryLevel).Take(), 5));
+  return ByteReader(std::string_view(reply).substr(3)).Get<uint16_t>() * 1e-3;
+}
+
+StatusOr<double> NxtBrick::KeepAlive() {
+  MESORIG_ASSIGN_OR_RETURN(const std::string reply,
+                           Exchange("keep-alive", Telegram(kKeepAlive).Take(), 7));
+  return ByteReader(std::string_view(reply).substr(3)).Get<uint32_t>() * 1e-3;
+}
+
+}  // namespace mesorig::daemon::nxt_laser

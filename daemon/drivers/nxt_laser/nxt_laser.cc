@@ -1,0 +1,189 @@
+#include <algorithm>
+#include <cmath>
+
+#include "daemon/device/line_laser.h"
+#include "daemon/drivers/driver.h"
+#include "daemon/drivers/nxt_laser/nxt_brick.h"
+
+namespace mesorig::daemon::nxt_laser {
+namespace {
+
+constexpr double kMinBattery_v = 6.5;  // six cells of 1.2 V, nearly empty
+constexpr int kTravelPower = 60;
+constexpr double kRunUp_s = 0.3;               // until a sweep's speed is steady
+constexpr double kPositionTolerance_deg = 10;  // of the motor, after a travel
+constexpr int kTravelAttempts = 3;
+constexpr double kTravelMargin_s = 3;
+constexpr RigTime kPoll = std::chrono::milliseconds(20);
+constexpr RigTime kKeepAlivePeriod = std::chrono::seconds(60);
+
+// Of one rig thread. Borrows clock, port and flag.
+class NxtLaser final : public LineLaser {
+ public:
+  NxtLaser(RigClock& clock, UsbPort& port, const StopFlag& stop, const Laser& laser)
+      : clock_(clock), stop_(stop), laser_(laser), brick_(clock, port) {}
+  const std::string& name() const override { return laser_.name; }
+  Status Open() override;
+  Status MarkZero() override;
+  Status Prepare(double tilt_rad, double rate_rad_s) override;
+  StatusOr<double> StartSweep(double rate_rad_s) override;
+  Status AwaitTilt(double tilt_rad, RigTime deadline) override;
+  StatusOr<LaserReading> Read() override;
+  Status Stop() override { return Named(brick_.Halt(laser_.motor_port)); }
+  Status KeepAlive() override;
+
+ private:
+  Status Named(const Status& status) const {
+    return Annotate(status, fmt::format("laser {}", laser_.name));
+  }
+  double MotorDeg(double tilt_rad) const { return DegFromRad(tilt_rad * laser_.gear_ratio); }
+  // The largest power whose speed is not above this rate; 0 is an error.
+  StatusOr<int> PowerFor(double rate_rad_s) const;
+  double RateOf(int power) const {
+    return power / 100.0 * laser_.full_speed_rad_s / laser_.gear_ratio;
+  }
+  // Motor to this position, at rest.
+  Status Travel(double motor_deg);
+  Status AwaitRest(RigTime deadline, double motor_deg);
+  Status Pause();  // one poll
+
+  RigClock& clock_;
+  const StopFlag& stop_;
+  const Laser laser_;
+  NxtBrick brick_;
+  double sweep_sign_ = 1;
+  RigTime keep_alive_due_{};
+};
+
+Status NxtLaser::Open() {
+  MESORIG_RETURN_IF_ERROR(Stop());
+  const auto volts = brick_.BatteryVolts();
+  if (!volts.ok()) return Named(volts.status());
+  if (!(*volts >= kMinBattery_v)) {
+    return Unavailable("laser {}: the brick's battery has {:.2f} V, at least {} V are needed",
+                       laser_.name, *volts, kMinBattery_v);
+  }
+  keep_alive_due_ = {};
+  return KeepAlive();
+}
+
+Status NxtLaser::MarkZero() { return Named(brick_.ResetPosition(laser_.motor_port)); }
+
+Status NxtLaser::KeepAlive() {
+  if (clock_.Now() < keep_alive_due_) return OkStatus();
+  const auto limit_s = brick_.KeepAlive();
+  if (!limit_s.ok()) return Named(limit_s.status());
+  const RigTime third = *limit_s > 0 ? FromSeconds(*limit_s / 3) : kKeepAlivePeriod;
+  keep_alive_due_ = clock_.Now() + std::min(kKeepAlivePeriod, third);
+  return OkStatus();
+}
+
+StatusOr<int> NxtLaser::PowerFor(double rate_rad_s) const {
+  const double power =
+      std::floor(std::abs(rate_rad_s) * laser_.gear_ratio / laser_.full_speed_rad_s * 100 + 1e-9);
+  if (!(power >= 1 && power <= 100)) {  // (also NaN)
+    return InvalidArgument(
+        "laser {}: a sweep at {:.4f} deg/s; the motor does {:.4f} to {:.4f} deg/s", laser_.name,
+        DegFromRad(rate_rad_s), DegFromRad(RateOf(1)), DegFromRad(RateOf(100)));
+  }
+  return std::copysign(1.0, rate_rad_s) > 0 ? static_cast<int>(power) : -static_cast<int>(power);
+}
+
+Status NxtLaser::Prepare(double tilt_rad, double rate_rad_s) {
+  MESORIG_RETURN_IF_ERROR(KeepAlive());
+  if (!(std::abs(tilt_rad) <= laser_.max_tilt_rad)) {
+    return InvalidArgument("laser {}: a tilt of {:.3f} deg, permitted is {:.3f} to both sides",
+                           laser_.name, DegFromRad(tilt_rad), DegFromRad(laser_.max_tilt_rad));
+  }
+  MESORIG_ASSIGN_OR_RETURN(const int power, PowerFor(rate_rad_s));
+  const double run_up_deg = DegFromRad(laser_.backlash_rad) + 2 * kPositionTolerance_deg +
+                            kRunUp_s * DegFromRad(laser_.full_speed_rad_s) * std::abs(power) / 100;
+  return Travel(MotorDeg(tilt_rad) - std::copysign(run_up_deg, rate_rad_s));
+}
+
+Status NxtLaser::Travel(double motor_deg) {
+  double residual = 0;
+  for (int attempt = 0; attempt <= kTravelAttempts; ++attempt) {
+    const auto output = brick_.GetOutput(laser_.motor_port);
+    if (!output.ok()) return Named(output.status());
+    residual = motor_deg - output->rotation_deg;
+    if (std::abs(residual) <= kPositionTolerance_deg) return OkStatus();
+    if (attempt == kTravelAttempts) break;
+    const auto distance = static_cast<uint32_t>(std::abs(std::round(residual)));
+    MESORIG_RETURN_IF_ERROR(Named(
+        brick_.Run(laser_.motor_port, residual > 0 ? kTravelPower : -kTravelPower, distance)));
+    const double seconds =
+        distance / (DegFromRad(laser_.full_speed_rad_s) * kTravelPower / 100) + kTravelMargin_s;
+    MESORIG_RETURN_IF_ERROR(AwaitRest(clock_.Now() + FromSeconds(seconds), motor_deg));
+  }
+  return Unavailable("laser {}: the motor stands {:.0f} deg from {:.0f} deg after {} moves",
+                     laser_.name, residual, motor_deg, kTravelAttempts);
+}
+
+Status NxtLaser::Pause() {
+  const Status waited = stop_.Wait(clock_.Now() + kPoll, [] { return false; });
+  return absl::IsCancelled(waited) ? waited : OkStatus();
+}
+
+Status NxtLaser::AwaitRest(RigTime deadline, double motor_deg) {
+  // At rest: not driven any more, and two readings in a row the same.
+  int32_t last = 0;
+  bool has_last = false;
+  for (;;) {
+    MESORIG_RETURN_IF_ERROR(Pause());
+    const auto output = brick_.GetOutput(laser_.motor_port);
+    if (!output.ok()) return Named(output.status());
+    if (!output->running && has_last && output->rotation_deg == last) return OkStatus();
+    has_last = !output->running;
+    last = output->rotation_deg;
+    if (clock_.Now() >= deadline) {
+      (void)Stop();
+      return DeadlineExceeded("laser {}: the motor is at {} deg and still on its way to {:.0f}",
+                              laser_.name, last, motor_deg);
+    }
+  }
+}
+
+StatusOr<double> NxtLaser::StartSweep(double rate_rad_s) {
+  MESORIG_ASSIGN_OR_RETURN(const int power, PowerFor(rate_rad_s));
+  sweep_sign_ = power > 0 ? 1 : -1;
+  MESORIG_RETURN_IF_ERROR(Named(brick_.Run(laser_.motor_port, power, 0)));
+  return RateOf(power);
+}
+
+Status NxtLaser::AwaitTilt(double tilt_rad, RigTime deadline) {
+  for (;;) {
+    MESORIG_ASSIGN_OR_RETURN(const LaserReading reading, Read());
+    if (sweep_sign_ * (reading.tilt_rad - tilt_rad) >= 0) return OkStatus();
+    if (clock_.Now() >= deadline) {
+      return DeadlineExceeded("laser {}: tilt {:.3f} deg, {:.3f} deg wanted by now", laser_.name,
+                              DegFromRad(reading.tilt_rad), DegFromRad(tilt_rad));
+    }
+    MESORIG_RETURN_IF_ERROR(Pause());
+  }
+}
+
+StatusOr<LaserReading> NxtLaser::Read() {
+  const auto output = brick_.GetOutput(laser_.motor_port);
+  if (!output.ok()) return Named(output.status());
+  return LaserReading{RadFromDeg(output->rotation_deg) / laser_.gear_ratio, output->running,
+                      clock_.Now()};
+}
+
+}  // namespace
+
+Driver Describe() {
+  Driver driver;
+  driver.make_laser = [](const DriverContext& context) -> StatusOr<std::unique_ptr<LineLaser>> {
+    if (!context.rig->laser) return FailedPrecondition("the rig has no laser");
+    const Laser& laser = *context.rig->laser;
+    if (context.usb == nullptr) {
+      return FailedPrecondition(
+          "laser {}: driver nxt_laser needs the brick's USB port, and there is none", laser.name);
+    }
+    return std::make_unique<NxtLaser>(*context.clock, *context.usb, *context.stop, laser);
+  };
+  return driver;
+}
+
+}  // namespace mesorig::daemon::nxt_laser

@@ -1,0 +1,98 @@
+#include "daemon/safety/laser_gate.h"
+
+#include "protocol/base/log.h"
+
+namespace mesorig::daemon {
+namespace {
+
+constexpr RigTime kPoll = std::chrono::milliseconds(10);
+constexpr double kLevelMargin_s = 0.1;
+
+}  // namespace
+
+LaserGate::LaserGate(RigClock& clock, DigitalLines* lines, const Lines& numbers, StopFlag& stop)
+    : clock_(clock),
+      lines_(lines),
+      numbers_(numbers),
+      stop_(stop),
+      thread_(clock, "laser gate", [this] { Loop(); }) {}
+
+LaserGate::~LaserGate() {
+  clock_.Change([&] {
+    open_ = false;
+    ending_ = true;
+  });
+}
+
+void LaserGate::Loop() {
+  for (;;) {
+    clock_.WaitUntil(kNever, [&] { return open_ || ending_; });
+    const RigTime now = clock_.Now();
+    bool pet = false, hung = false, ending = false;
+    clock_.Change([&] {
+      ending = ending_;
+      hung = open_ && now - progress_ > FromSeconds(kProgressLimit_s);
+      if (hung || stop_.RaisedInsideChange()) open_ = false;
+      pet = open_;
+    });
+    if (ending) return;
+    if (hung) spdlog::error("laser gate: no progress for {} s: no more edges", kProgressLimit_s);
+    if (!pet) continue;
+    Status status = lines_->Write(numbers_.laser_trigger, true);
+    if (status.ok()) status = lines_->Write(numbers_.laser_trigger, false);
+    if (!status.ok()) {
+      spdlog::error("laser gate: {}", Message(status));
+      Shut();
+      continue;
+    }
+    clock_.WaitFor(FromSeconds(kPetPeriod_s), [&] { return !open_ || ending_; });
+  }
+}
+
+StatusOr<bool> LaserGate::Shines() const {
+  if (lines_ == nullptr || numbers_.laser_on < 0) {
+    return FailedPrecondition("laser gate: the rig has no line that tells whether the laser is on");
+  }
+  return lines_->Read(numbers_.laser_on);
+}
+
+Status LaserGate::AwaitLevel(bool on) {
+  const RigTime deadline = clock_.Now() + FromSeconds(kLaserOneShot_s + kLevelMargin_s);
+  for (;;) {
+    MESORIG_ASSIGN_OR_RETURN(const bool shines, Shines());
+    if (shines == on) return OkStatus();
+    if (clock_.Now() >= deadline) {
+      return Unavailable("laser gate: line {} says {} after {} s, {} wanted", numbers_.laser_on,
+                         shines ? "on" : "off", kLaserOneShot_s + kLevelMargin_s,
+                         on ? "on" : "off");
+    }
+    clock_.SleepFor(kPoll);
+  }
+}
+
+Status LaserGate::Open() {
+  MESORIG_RETURN_IF_ERROR(Shines().status());
+  MESORIG_RETURN_IF_ERROR(stop_.Check());
+  const RigTime now = clock_.Now();
+  clock_.Change([&] {
+    open_ = true;
+    progress_ = now;
+  });
+  return AwaitLevel(true);
+}
+
+void LaserGate::Progress() {
+  const RigTime now = clock_.Now();
+  clock_.Change([&] { progress_ = now; });
+}
+
+Status LaserGate::Close() {
+  Shut();
+  return AwaitLevel(false);
+}
+
+void LaserGate::Shut() {
+  clock_.Change([&] { open_ = false; });
+}
+
+}  // namespace mesorig::daemon

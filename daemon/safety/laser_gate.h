@@ -1,0 +1,49 @@
+#pragma once
+// The laser's gate. A retriggerable one-shot at the rig holds the laser on for kLaserOneShot_s
+// after each rising edge of its line: this thread gives the edges, and only while the sequencer
+// says that it makes progress. Whoever dies, hangs or forgets, the laser goes off by itself.
+
+#include "daemon/device/digital_lines.h"
+#include "daemon/device/rig_thread.h"
+#include "daemon/device/stop_flag.h"
+#include "protocol/rig/rig.h"
+
+namespace mesorig::daemon {
+
+// Thread contract: Open, Progress, Close and the waits on the sequencer's thread; Shut from any.
+// Borrows everything; `lines` may be null in a rig without a laser.
+class LaserGate {
+ public:
+  static constexpr double kPetPeriod_s = 0.1;
+  // Edges end when the sequencer has not reported progress for so long, rig time.
+  static constexpr double kProgressLimit_s = 1;
+
+  LaserGate(RigClock& clock, DigitalLines* lines, const Lines& numbers, StopFlag& stop);
+  ~LaserGate();
+
+  // Edges from now on, until Close, a raised StopFlag or no progress. Returns when the laser shines
+  // (read back); Unavailable when it does not within the one-shot's time, FailedPrecondition in a
+  // rig without the lines.
+  Status Open();
+  void Progress();
+  // No more edges; returns when the laser is read back as off. Unavailable when it stays on.
+  Status Close();
+  // No more edges, at once; does not wait.
+  void Shut();
+  StatusOr<bool> Shines() const;
+
+ private:
+  void Loop();
+  Status AwaitLevel(bool on);
+
+  RigClock& clock_;
+  DigitalLines* const lines_;
+  const Lines numbers_;
+  StopFlag& stop_;
+  // Guarded by the clock's lock:
+  bool open_ = false, ending_ = false;
+  RigTime progress_{};
+  RigThread thread_;
+};
+
+}  // namespace mesorig::daemon
