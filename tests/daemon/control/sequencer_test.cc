@@ -4,12 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <condition_variable>
 
-#include "tests/daemon/fakes/fake_devices.h"
-#include "tests/daemon/fakes/fake_rig_clock.h"
-#include "tests/daemon/fakes/fake_session.h"
-#include "tests/daemon/fakes/small_rig.h"
+#include "tests/daemon/fakes/bench.h"
 
 namespace mesorig::daemon {
 namespace {
@@ -17,76 +13,6 @@ namespace {
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-
-// A whole rig in memory with its sequencer.
-class Bench {
- public:
-  Bench() {
-    for (const auto& axis : rig.axes) {
-      axes.push_back(std::make_unique<FakeAxis>(clock, stop, log, axis));
-      devices_.axes.push_back(axes.back().get());
-    }
-    for (const auto& camera : rig.cameras) {
-      cameras.push_back(std::make_unique<FakeCamera>(clock, stop, log, camera));
-      devices_.cameras.push_back(cameras.back().get());
-    }
-    devices_.lamps = &lamps;
-    devices_.lines = &lines;
-    devices_.stop = &stop;
-    sequencer = Sequencer::Create(clock, rig, devices_, [] { return true; });
-    sequencer->OnEvent([this](const SequencerEvent& event) {
-      std::lock_guard lock(mutex_);
-      events.push_back(event);
-      ended_.notify_all();
-    });
-  }
-  // Runs the plan to its end.
-  SequencerEvent Run(const CompiledPlan& plan) {
-    const size_t before = EndsLocked();
-    EXPECT_EQ(sequencer->Start(plan, session), OkStatus());
-    std::unique_lock lock(mutex_);
-    ended_.wait(lock, [&] { return Ends() > before; });
-    return events.back();
-  }
-  void ExpectAtRest() {
-    EXPECT_FALSE(lamps.anything_on());
-    for (const auto& axis : axes) {
-      EXPECT_FALSE(axis->Read().moving) << axis->name();
-      EXPECT_FALSE(axis->Read().enabled) << axis->name();
-    }
-  }
-  void ExpectIncomplete(std::string_view reason) {
-    EXPECT_EQ(session->finishes(), 1);
-    EXPECT_EQ(session->Summary().end, SessionEnd::kIncomplete);
-    EXPECT_THAT(session->Summary().reason, HasSubstr(std::string(reason)));
-  }
-
-  FakeRigClock clock;
-  StopFlag stop{clock};
-  const Rig rig = SmallRig();
-  OperationLog log;
-  std::vector<std::unique_ptr<FakeAxis>> axes;
-  std::vector<std::unique_ptr<FakeCamera>> cameras;
-  FakeLampBank lamps{clock, log, rig};
-  FakeLines lines{clock};
-  std::shared_ptr<FakeSession> session = std::make_shared<FakeSession>();
-  std::vector<SequencerEvent> events;
-  std::unique_ptr<Sequencer> sequencer;
-
- private:
-  size_t Ends() const {
-    return std::count_if(events.begin(), events.end(), [](const SequencerEvent& event) {
-      return event.kind == SequencerEvent::Kind::kEnded;
-    });
-  }
-  size_t EndsLocked() {
-    std::lock_guard lock(mutex_);
-    return Ends();
-  }
-  Devices devices_;
-  std::mutex mutex_;
-  std::condition_variable ended_;
-};
 
 std::vector<std::string> WithoutPolls(const std::vector<std::string>& operations) {
   std::vector<std::string> kept;

@@ -15,6 +15,7 @@
 #include "daemon/device/camera.h"
 #include "daemon/device/digital_lines.h"
 #include "daemon/device/lamp_bank.h"
+#include "daemon/device/line_laser.h"
 #include "daemon/device/stop_flag.h"
 #include "protocol/plan/plan.h"
 #include "protocol/rig/rig.h"
@@ -293,6 +294,54 @@ class FakeCamera final : public Camera {
   Region region_ = camera_.full_region();
   RigTime triggered_at_{};
   uint64_t frames_ = 0;
+};
+
+// An emitter that goes where it is told, at any speed.
+class FakeLaser final : public LineLaser {
+ public:
+  FakeLaser(RigClock& clock, const StopFlag& stop, OperationLog& log, const Laser& laser)
+      : clock_(clock), stop_(stop), log_(log), laser_(laser) {}
+  const std::string& name() const override { return laser_.name; }
+  Status Open() override { return log_.Add("laser open"); }
+  Status MarkZero() override { return log_.Add("laser zero"); }
+  Status Prepare(double tilt_rad, double rate_rad_s) override {
+    MESORIG_RETURN_IF_ERROR(log_.Add(fmt::format("laser prepare {:.2f}", DegFromRad(tilt_rad))));
+    from_rad_ = tilt_rad - 0.1 * rate_rad_s;
+    return Sleep(0.5);
+  }
+  StatusOr<double> StartSweep(double rate_rad_s) override {
+    MESORIG_RETURN_IF_ERROR(log_.Add("laser sweep"));
+    rate_rad_s_ = rate_rad_s;
+    started_ = clock_.Now();
+    return rate_rad_s;
+  }
+  Status AwaitTilt(double tilt_rad, RigTime) override {
+    MESORIG_RETURN_IF_ERROR(log_.Add("laser there"));
+    return Sleep((tilt_rad - from_rad_) / rate_rad_s_);
+  }
+  StatusOr<LaserReading> Read() override {
+    MESORIG_RETURN_IF_ERROR(log_.Add("laser read"));
+    return LaserReading{from_rad_ + rate_rad_s_ * Seconds(clock_.Now() - started_), moving(),
+                        clock_.Now()};
+  }
+  Status Stop() override {
+    rate_rad_s_ = 0;
+    return log_.Add("laser stop");
+  }
+  Status KeepAlive() override { return OkStatus(); }
+  bool moving() const { return rate_rad_s_ != 0; }
+
+ private:
+  Status Sleep(double seconds) {
+    const Status waited = stop_.Wait(clock_.Now() + FromSeconds(seconds), [] { return false; });
+    return absl::IsCancelled(waited) ? waited : OkStatus();
+  }
+  RigClock& clock_;
+  const StopFlag& stop_;
+  OperationLog& log_;
+  const Laser laser_;
+  double from_rad_ = 0, rate_rad_s_ = 0;
+  RigTime started_{};
 };
 
 }  // namespace mesorig::daemon

@@ -98,6 +98,55 @@ reset = 2
   return ParseRig(kText, "small.toml").value();
 }
 
+// The small rig with a laser of two mounts on the arc.
+inline Rig SmallLaserRig() {
+  constexpr std::string_view kLaser = R"(
+laser_trigger = 3
+laser_on = 4
+[turntable]
+radius_mm = 60
+albedo = 0.3
+[laser]
+name = "line_laser"
+frame = "light_arc"
+motor_port = 0
+gear_ratio = 240
+backlash_deg = 30
+full_speed_deg_s = 900
+max_tilt_deg = 6
+fan_deg = 60
+fwhm_mm = 2
+power_w = 0.03
+response = [0.15, 1, 0.1]
+[[laser.mount]]
+name = "high"
+theta_deg = 10
+distance_mm = 500
+[[laser.mount]]
+name = "low"
+theta_deg = 40
+distance_mm = 500
+)";
+  // (The lines are the last table of the small rig.)
+  return ParseRig(SmallRig().source_text + std::string(kLaser), "small_laser.toml").value();
+}
+
+inline Step MountStep(int mount) {
+  Step step;
+  step.kind = StepKind::kMount;
+  step.sweep.mount = mount;
+  return step;
+}
+inline Step SweepStep(uint32_t index, uint32_t shot, int mount, uint32_t frames) {
+  Step step;
+  step.kind = StepKind::kSweep;
+  step.shot = shot;
+  step.exposure_s = 0.02;
+  step.cameras = {0, 1};
+  step.sweep = {index, mount, -0.05, 0.05, frames, 10, true, {{2, 2, 8, 4}, {0, 0, 16, 8}}};
+  return step;
+}
+
 inline Step MoveStep(double turntable_deg, double arc_deg) {
   Step step;
   step.kind = StepKind::kMoveAxes;
@@ -130,6 +179,24 @@ inline CompiledPlan SmallPlan(const Rig& rig) {
   plan.shots = 3;
   plan.frames = 5;
   plan.seconds = 5;
+  return plan;
+}
+
+// One shot under a lamp, then two sweeps of five frames at one mount and one at the other.
+inline CompiledPlan SmallLaserPlan(const Rig& rig) {
+  CompiledPlan plan;
+  plan.name = "sweeps";
+  plan.rig_sha256 = rig.sha256;
+  plan.sample_extent_mm = 20;
+  plan.steps = {MoveStep(30, -20),     LampStep(0),           ShotStep(0, 0.02, {0, 1}),
+                LampStep(-1),          MountStep(0),          SweepStep(0, 1, 0, 5),
+                MoveStep(60, 10),      SweepStep(1, 6, 0, 5), MountStep(1),
+                SweepStep(2, 11, 1, 5)};
+  plan.shots = 16;
+  plan.frames = 32;
+  plan.sweeps = 3;
+  plan.prompts = 2;
+  plan.seconds = 10;
   return plan;
 }
 

@@ -1,0 +1,100 @@
+#pragma once
+// A whole rig in memory with its sequencer.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <condition_variable>
+
+#include "daemon/control/sequencer.h"
+#include "tests/daemon/fakes/fake_devices.h"
+#include "tests/daemon/fakes/fake_rig_clock.h"
+#include "tests/daemon/fakes/fake_session.h"
+#include "tests/daemon/fakes/small_rig.h"
+
+namespace mesorig::daemon {
+
+// A whole rig in memory with its sequencer.
+class Bench {
+ public:
+  explicit Bench(Rig the_rig = SmallRig()) : rig(std::move(the_rig)) {
+    for (const auto& axis : rig.axes) {
+      axes.push_back(std::make_unique<FakeAxis>(clock, stop, log, axis));
+      devices_.axes.push_back(axes.back().get());
+    }
+    for (const auto& camera : rig.cameras) {
+      cameras.push_back(std::make_unique<FakeCamera>(clock, stop, log, camera));
+      devices_.cameras.push_back(cameras.back().get());
+    }
+    devices_.lamps = &lamps;
+    devices_.lines = &lines;
+    devices_.stop = &stop;
+    if (rig.laser) {
+      lines.AddOneShot(rig.lines.laser_trigger, rig.lines.laser_on);
+      laser = std::make_unique<FakeLaser>(clock, stop, log, *rig.laser);
+      devices_.laser = laser.get();
+    }
+    sequencer = Sequencer::Create(clock, rig, devices_, [] { return true; });
+    sequencer->OnEvent([this](const SequencerEvent& event) {
+      std::lock_guard lock(mutex_);
+      events.push_back(event);
+      ended_.notify_all();
+    });
+  }
+  // Runs the plan to its end.
+  SequencerEvent Run(const CompiledPlan& plan) {
+    const size_t before = EndsLocked();
+    EXPECT_EQ(sequencer->Start(plan, session), OkStatus());
+    std::unique_lock lock(mutex_);
+    ended_.wait(lock, [&] { return Ends() > before; });
+    return events.back();
+  }
+  // Until the listener has seen such an event (there may be one already).
+  void AwaitEvent(SequencerEvent::Kind kind, size_t count = 1) {
+    std::unique_lock lock(mutex_);
+    ended_.wait(lock, [&] { return Count(kind) >= count; });
+  }
+  void ExpectAtRest() {
+    EXPECT_FALSE(lamps.anything_on());
+    if (laser) EXPECT_FALSE(laser->moving());
+    for (const auto& axis : axes) {
+      EXPECT_FALSE(axis->Read().moving) << axis->name();
+      EXPECT_FALSE(axis->Read().enabled) << axis->name();
+    }
+  }
+  void ExpectIncomplete(std::string_view reason) {
+    EXPECT_EQ(session->finishes(), 1);
+    EXPECT_EQ(session->Summary().end, SessionEnd::kIncomplete);
+    EXPECT_THAT(session->Summary().reason, ::testing::HasSubstr(std::string(reason)));
+  }
+
+  FakeRigClock clock;
+  StopFlag stop{clock};
+  const Rig rig;
+  OperationLog log;
+  std::vector<std::unique_ptr<FakeAxis>> axes;
+  std::vector<std::unique_ptr<FakeCamera>> cameras;
+  FakeLampBank lamps{clock, log, rig};
+  FakeLines lines{clock};
+  std::unique_ptr<FakeLaser> laser;  // in a rig with one
+  std::shared_ptr<FakeSession> session = std::make_shared<FakeSession>();
+  std::vector<SequencerEvent> events;
+  std::unique_ptr<Sequencer> sequencer;
+
+ private:
+  size_t Count(SequencerEvent::Kind kind) const {
+    return std::count_if(events.begin(), events.end(),
+                         [&](const SequencerEvent& event) { return event.kind == kind; });
+  }
+  size_t Ends() const { return Count(SequencerEvent::Kind::kEnded); }
+  size_t EndsLocked() {
+    std::lock_guard lock(mutex_);
+    return Ends();
+  }
+  Devices devices_;
+  std::mutex mutex_;
+  std::condition_variable ended_;
+};
+
+}  // namespace mesorig::daemon
