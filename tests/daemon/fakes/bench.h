@@ -57,7 +57,7 @@ class Bench {
   }
   void ExpectAtRest() {
     EXPECT_FALSE(lamps.anything_on());
-    if (laser) EXPECT_FALSE(laser->moving());
+    EXPECT_FALSE(laser && laser->moving());
     for (const auto& axis : axes) {
       EXPECT_FALSE(axis->Read().moving) << axis->name();
       EXPECT_FALSE(axis->Read().enabled) << axis->name();
