@@ -70,7 +70,7 @@ Status NxtBrick::Run(int motor, int power, uint32_t limit_deg) {
 Status NxtBrick::Halt(int motor) {
   ByteWriter out = Telegram(kSetOutputState);
   out.Put(static_cast<uint8_t>(motor)).Put<int8_t>(0);
-  out.Put<uint8_t>(kBrake).Put(kRegulationIdle);
+  out.Put<uint8_t>(0).Put(kRegulationIdle);
   out.Put<int8_t>(0).Put(kRunIdle).Put<uint32_t>(0);
   return Exchange("motor off", out.Take(), 3).status();
 }

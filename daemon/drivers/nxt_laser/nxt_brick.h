@@ -27,7 +27,7 @@ class NxtBrick {
   // Motor on at a regulated speed, power in -100..100. `limit_deg` > 0: it stops itself after so
   // many degrees; 0: it runs until told otherwise.
   Status Run(int motor, int power, uint32_t limit_deg);
-  // Holds (brake) or, at power 0 without brake, lets go.
+  // Lets go: a worm gear holds by itself.
   Status Halt(int motor);
   Status ResetPosition(int motor);
   StatusOr<OutputState> GetOutput(int motor);

@@ -17,8 +17,19 @@ Status Make(const Driver& driver, const DriverContext& context) {
   if (driver.make_axis != nullptr) return driver.make_axis(context, 0).status();
   if (driver.make_lamp_bank != nullptr) return driver.make_lamp_bank(context).status();
   if (driver.make_lines != nullptr) return driver.make_lines(context).status();
+  if (driver.make_laser != nullptr) return driver.make_laser(context).status();
   return driver.make_camera(context, 0).status();
 }
+
+class CountingUsb final : public UsbPort {
+ public:
+  int writes = 0;
+  Status Write(std::string_view) override {
+    ++writes;
+    return OkStatus();
+  }
+  void OnPacket(std::function<void(RigTime, std::string)>) override {}
+};
 
 TEST(DriverRegistry, NamesAreUniqueAndEachDrivesOneKind) {
   std::set<std::string_view> names;
@@ -26,25 +37,29 @@ TEST(DriverRegistry, NamesAreUniqueAndEachDrivesOneKind) {
     EXPECT_FALSE(driver.name.empty());
     EXPECT_TRUE(names.insert(driver.name).second) << driver.name;
     const int kinds = (driver.make_axis != nullptr) + (driver.make_lamp_bank != nullptr) +
-                      (driver.make_lines != nullptr) + (driver.make_camera != nullptr);
+                      (driver.make_lines != nullptr) + (driver.make_camera != nullptr) +
+                      (driver.make_laser != nullptr);
     EXPECT_EQ(kinds, 1) << driver.name;
   }
   EXPECT_TRUE(names.contains("cia402"));
 }
 
 TEST(DriverRegistry, MakesDevicesWithoutTalkingToAnybody) {
-  const Rig rig = SmallRig();
+  const Rig rig = SmallLaserRig();
   SimRig sim(rig);
   RigEnd end(sim, rig);
   RigClock::Member member(*end.link, "test");
+  CountingUsb usb;
+  end.context.usb = &usb;
   for (const Driver& driver : AllDrivers()) {
     EXPECT_EQ(Make(driver, end.context), OkStatus()) << driver.name;
   }
   EXPECT_EQ(sim.can.commands, 0);
+  EXPECT_EQ(usb.writes, 0);
 }
 
 TEST(DriverRegistry, SaysWhichBusIsMissing) {
-  const Rig rig = SmallRig();
+  const Rig rig = SmallLaserRig();
   SystemRigClock clock;
   StopFlag stop(clock);
   DriverContext context;
