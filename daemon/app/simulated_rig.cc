@@ -28,7 +28,9 @@ StatusOr<std::unique_ptr<SimulatedRig>> SimulatedRig::Connect(
 Status SimulatedRig::OpenBuses() {
   MESORIG_ASSIGN_OR_RETURN(can_port_, SimCanPort::Open(*link_));
   MESORIG_ASSIGN_OR_RETURN(line_port_, SimLinePort::Open(*link_));
-  if (rig_.laser) MESORIG_ASSIGN_OR_RETURN(usb_port_, SimUsbPort::Open(*link_));
+  if (rig_.laser) {
+    MESORIG_ASSIGN_OR_RETURN(usb_port_, SimUsbPort::Open(*link_));
+  }
   CanBusOptions can_options;
   can_options.heartbeat = FromSeconds(rig_.heartbeat_s);
   can_ = std::make_unique<CanBus>(*link_, *can_port_, can_options);
@@ -64,7 +66,9 @@ Status SimulatedRig::MakeDevices() {
   }
   MESORIG_ASSIGN_OR_RETURN(lamps_, MakeLampBank("modbus_lamps", context));
   MESORIG_ASSIGN_OR_RETURN(lines_, MakeDigitalLines("gpio_lines", context));
-  if (rig_.laser) MESORIG_ASSIGN_OR_RETURN(laser_, MakeLineLaser("nxt_laser", context));
+  if (rig_.laser) {
+    MESORIG_ASSIGN_OR_RETURN(laser_, MakeLineLaser("nxt_laser", context));
+  }
   devices.laser = laser_.get();
   devices.lamps = lamps_.get();
   devices.lines = lines_.get();

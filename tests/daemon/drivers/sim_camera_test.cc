@@ -11,6 +11,9 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 using ::testing::HasSubstr;
 
+// Of the small rig's cameras.
+constexpr Region kWhole{0, 0, 16, 8};
+
 class SimCameraTest : public ::testing::Test {
  protected:
   const Rig rig_ = SmallRig();
@@ -25,7 +28,7 @@ class SimCameraTest : public ::testing::Test {
 TEST_F(SimCameraTest, TriggersOfOneInstantExposeTogether) {
   for (Camera* camera : {a_.get(), b_.get()}) {
     ASSERT_EQ(camera->Open(), OkStatus());
-    ASSERT_EQ(camera->Configure(0.02, 0), OkStatus());
+    ASSERT_EQ(camera->Configure(0.02, kWhole, 0), OkStatus());
   }
   const RigTime then = end_.link->Now();
   ASSERT_EQ(a_->Trigger(1), OkStatus());
@@ -41,7 +44,7 @@ TEST_F(SimCameraTest, TriggersOfOneInstantExposeTogether) {
 
 TEST_F(SimCameraTest, FrameOfAnotherTriggerIsDroppedAndCounted) {
   ASSERT_EQ(a_->Open(), OkStatus());
-  ASSERT_EQ(a_->Configure(0.02, 0), OkStatus());
+  ASSERT_EQ(a_->Configure(0.02, kWhole, 0), OkStatus());
   ASSERT_EQ(a_->Trigger(1), OkStatus());
   EXPECT_TRUE(absl::IsDeadlineExceeded(
       a_->Await(1, end_.link->Now() + milliseconds(5)).status()));  // too early
@@ -51,10 +54,26 @@ TEST_F(SimCameraTest, FrameOfAnotherTriggerIsDroppedAndCounted) {
   EXPECT_EQ(a_->dropped_frames(), 1u);
 }
 
+TEST_F(SimCameraTest, ReadsOnlyItsRegion) {
+  ASSERT_EQ(a_->Open(), OkStatus());
+  uint32_t trigger = 0;
+  for (const Region& region : {Region{4, 2, 6, 4}, Region{10, 4, 6, 4}, kWhole}) {
+    ASSERT_EQ(a_->Configure(0.02, region, 0), OkStatus());
+    ASSERT_EQ(a_->Trigger(++trigger), OkStatus());
+    const auto frame = a_->Await(trigger, end_.link->Now() + seconds(1)).value();
+    EXPECT_EQ(frame.width, region.width);
+    EXPECT_EQ(frame.height, region.height);
+    EXPECT_EQ(frame.pixels->size(), static_cast<size_t>(region.width * region.height * 2));
+  }
+  for (const Region& region : {Region{12, 0, 6, 4}, Region{0, 0, 0, 4}, Region{-2, 0, 4, 4}}) {
+    EXPECT_TRUE(absl::IsInvalidArgument(a_->Configure(0.02, region, 0)));
+  }
+}
+
 TEST_F(SimCameraTest, RefusesWhatItCannotDo) {
   EXPECT_TRUE(absl::IsFailedPrecondition(a_->Trigger(1)));
   ASSERT_EQ(a_->Open(), OkStatus());
-  const Status status = a_->Configure(2, 0);
+  const Status status = a_->Configure(2, kWhole, 0);
   EXPECT_TRUE(absl::IsInvalidArgument(status));
   EXPECT_THAT(std::string(Message(status)),
               HasSubstr("camera C0: exposure 2 s is not in [0.001, 1] s"));
