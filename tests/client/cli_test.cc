@@ -73,7 +73,7 @@ TEST(Cli, PlanCheck) {
   const Outcome good = Mesorig(
       fmt::format("plan check {0}/plans/demo.toml --rig {0}/rigs/demo.toml --json", kSource));
   EXPECT_EQ(good.code, 0) << good.text;
-  EXPECT_THAT(good.text, HasSubstr("\"frames\":2304"));
+  EXPECT_THAT(good.text, HasSubstr("\"frames\":11520"));
   const auto path = std::filesystem::temp_directory_path() / fmt::format("bad-{}.toml", ::getpid());
   std::ofstream(path) << "name = \"x\"\nspeed = 3\n";
   const Outcome bad =
