@@ -45,14 +45,16 @@ std::string ErrorOf(const std::string& text) {
   return std::string(Message(CompilePlan(text, "p.toml", DemoRig()).status()));
 }
 
-TEST(PlanCompiler, TheDemoIs2304Frames) {
+TEST(PlanCompiler, TheDemoIs2304FramesUnderLampsAnd9216OfSweeps) {
   const Rig rig = DemoRig();
   const auto plan = CompilePlanFile(kSource + "/plans/demo.toml", rig);
   ASSERT_TRUE(plan.ok()) << plan.status();
-  EXPECT_EQ(plan->shots, 6u * 6 * 8);
-  EXPECT_EQ(plan->frames, 2304u);
+  EXPECT_EQ(plan->shots, 6u * 6 * 8 + 3 * 6 * 64);
+  EXPECT_EQ(plan->frames, 2304u + 9216);
+  EXPECT_EQ(plan->sweeps, 18u);
+  EXPECT_EQ(plan->prompts, 2u);
   EXPECT_EQ(plan->frames_blocked, 0u);
-  EXPECT_EQ(plan->frame_bytes, 2304u * rig.cameras[0].frame_bytes());
+  EXPECT_LT(plan->frame_bytes, 11520u * rig.cameras[0].frame_bytes()) << "regions are smaller";
   EXPECT_GT(plan->seconds, 288 * (0.02 + rig.cameras[0].readout_s));
 }
 
@@ -102,6 +104,118 @@ TEST(PlanCompiler, MoveTimesByHand) {
   EXPECT_DOUBLE_EQ(MoveSeconds(axis, 0.25), 0.5) << "triangle: 2 sqrt(0.25 / 4)";
   EXPECT_DOUBLE_EQ(MoveSeconds(axis, -1), 1) << "just reaches full speed";
   EXPECT_DOUBLE_EQ(MoveSeconds(axis, 5), 3) << "5/2 + 2/4";
+}
+
+std::string WithSweep(std::string_view from = "", std::string_view to = "") {
+  std::string sweep = R"([[sweep]]
+mounts = ["slant", "zenith"]
+from_mm = 30
+to_mm = -32
+frames = 32
+frame_rate_hz = 7.5
+exposure_s = 0.02
+region_radius_mm = 30
+keep = "displacements"
+[sweep.axes.turntable]
+angles_deg = [0, 60]
+[sweep.axes.light_arc]
+angles_deg = [150]
+)";
+  if (!from.empty()) sweep.replace(sweep.find(from), from.size(), to);
+  return Replaced("name = \"s\"", "name = \"s\"\nextent_mm = 40") + sweep;
+}
+
+// Lamps first and dark before the laser; a prompt before each mount, and its sweeps together.
+TEST(PlanCompiler, SweepsComeLastMountByMount) {
+  const Rig rig = DemoRig();
+  const auto plan = CompilePlan(WithSweep(), "p.toml", rig);
+  ASSERT_TRUE(plan.ok()) << plan.status();
+  EXPECT_EQ(plan->sweeps, 4u);
+  EXPECT_EQ(plan->prompts, 2u);
+  std::vector<int> mounts;
+  uint32_t shot = 0, sweeps = 0;
+  int lamp = -2;
+  for (const Step& step : plan->steps) {
+    if (step.kind == StepKind::kLamp) lamp = step.lamp;
+    if (step.kind == StepKind::kShot) shot = step.shot + 1;
+    if (step.kind == StepKind::kMount) mounts.push_back(step.sweep.mount);
+    if (step.kind != StepKind::kSweep) continue;
+    EXPECT_EQ(lamp, -1);
+    EXPECT_EQ(step.shot, shot);
+    EXPECT_EQ(step.sweep.index, sweeps++);
+    EXPECT_EQ(step.sweep.mount, mounts.back());
+    EXPECT_EQ(step.sweep.regions.size(), step.cameras.size());
+    EXPECT_FALSE(step.sweep.keep_frames);
+    shot += step.sweep.frames;
+  }
+  EXPECT_EQ(mounts, (std::vector<int>{0, 1})) << "in the rig's order";
+  EXPECT_EQ(shot, plan->shots);
+}
+
+// At 640 mm and 35 deg the stripe is at 30 mm on the turntable at atan((367.09 - 30) / 524.26) - 35
+// deg = -2.260 deg, at -32 mm at atan(399.09 / 524.26) - 35 deg = 2.280 deg.
+TEST(PlanCompiler, TiltsByHand) {
+  const auto plan = CompilePlan(WithSweep(), "p.toml", DemoRig());
+  ASSERT_TRUE(plan.ok()) << plan.status();
+  const Step& last = plan->steps.back();
+  ASSERT_EQ(last.kind, StepKind::kSweep);
+  EXPECT_NEAR(DegFromRad(last.sweep.tilt_from_rad), -2.260, 1e-3);
+  EXPECT_NEAR(DegFromRad(last.sweep.tilt_to_rad), 2.280, 1e-3);
+}
+
+// The camera at the zenith, 800 mm away, focal length 2600 px: a disc of 30 mm is 195 px wide, of
+// which the sensor has 192 rows; the top of the relief makes it half a per cent larger.
+TEST(PlanCompiler, RegionsHoldTheDisc) {
+  const auto plan = CompilePlan(WithSweep(), "p.toml", DemoRig());
+  ASSERT_TRUE(plan.ok()) << plan.status();
+  const Region& above = plan->steps.back().sweep.regions.front();
+  EXPECT_EQ(above.y, 0);
+  EXPECT_EQ(above.height, 192);
+  EXPECT_NEAR(above.x, 128 - 98, 2);
+  EXPECT_NEAR(above.width, 197, 3);
+  const Region& flat = plan->steps.back().sweep.regions.back();  // theta 75 deg
+  EXPECT_NEAR(flat.height, 195 * 0.2588, 18);
+  for (const Region& r : plan->steps.back().sweep.regions) {
+    EXPECT_EQ((r.x | r.y | r.width | r.height) & 1, 0) << "the Bayer pattern stays";
+  }
+}
+
+TEST(PlanCompiler, SweepsThatCannotBeAreRefused) {
+  EXPECT_THAT(ErrorOf(WithSweep("from_mm = 30", "from_mm = 300")), HasSubstr("from_mm"));
+  EXPECT_THAT(ErrorOf(WithSweep("to_mm = -32", "to_mm = 30")), HasSubstr("where the sweep starts"));
+  EXPECT_THAT(ErrorOf(WithSweep("frame_rate_hz = 7.5", "frame_rate_hz = 15")),
+              HasSubstr("at most 11.53"));
+  EXPECT_THAT(ErrorOf(WithSweep("\"slant\", \"zenith\"", "\"attic\"")), HasSubstr("attic"));
+  EXPECT_THAT(ErrorOf(WithSweep("keep = \"displacements\"", "keep = \"nothing\"")),
+              HasSubstr("keep"));
+  EXPECT_THAT(ErrorOf(WithSweep("frames = 32", "frames = 2")), HasSubstr("frames"));
+  std::string no_extent = WithSweep();
+  no_extent.replace(no_extent.find("extent_mm = 40"), 14, "");
+  EXPECT_THAT(ErrorOf(no_extent), HasSubstr("extent_mm"));
+}
+
+TEST(PlanBin, SweepsSurviveAndDamageIsRefused) {
+  const Rig rig = DemoRig();
+  const std::string bytes = PackPlan(CompilePlan(WithSweep(), "p.toml", rig).value());
+  const auto back = UnpackPlan(bytes, rig);
+  ASSERT_TRUE(back.ok()) << back.status();
+  EXPECT_EQ(PackPlan(*back), bytes);
+  std::mt19937 random(3);
+  for (int i = 0; i < 4000; ++i) {
+    std::string damaged = bytes;
+    if (i % 4 == 0) {
+      damaged.resize(random() % bytes.size());
+    } else {
+      damaged[random() % bytes.size()] = static_cast<char>(random());
+    }
+    const auto plan = UnpackPlan(damaged, rig);
+    if (!plan.ok()) continue;
+    for (const Step& step : plan->steps) {  // what passes can be run
+      if (step.kind != StepKind::kSweep) continue;
+      EXPECT_LE(std::abs(step.sweep.tilt_from_rad), rig.laser->max_tilt_rad);
+      EXPECT_EQ(step.sweep.regions.size(), step.cameras.size());
+    }
+  }
 }
 
 TEST(PlanCompiler, RefusesWithFileLineAndValue) {
@@ -163,7 +277,8 @@ TEST(PlanText, SurvivesMutation) {
   int refused = 0;
   for (int i = 0; i < 2000; ++i) {
     std::string text(kPlan);
-    for (int k = 0; k < 2; ++k) text[random() % text.size()] = static_cast<char>(32 + random() % 95);
+    for (int k = 0; k < 2; ++k)
+      text[random() % text.size()] = static_cast<char>(32 + random() % 95);
     const auto plan = CompilePlan(text, "p.toml", rig);
     refused += !plan.ok();
     ASSERT_TRUE(plan.ok() || !Message(plan.status()).empty());
