@@ -32,7 +32,7 @@ enum : uint8_t { kIdle = 0x00, kRunning = 0x20 };
 constexpr uint8_t kAllPorts = 0xFF;
 
 // Of the motor with its gear.
-constexpr double kRunUp_s = 0.06, kBraking_s = 0.02, kCoasting_s = 0.25;
+constexpr double kRunUp_s = 0.06, kBraking_s = 0.015, kCoasting_s = 0.25;
 // Without regulation friction takes a tenth of the speed.
 constexpr double kUnregulated = 0.9;
 

@@ -117,11 +117,11 @@ TEST_F(NxtBrickTest, StopsSomeDegreesBeyondItsLimit) {
   EXPECT_EQ(State(seconds(2)).run_state, 0x20);
   const OutputState state = State(seconds(5));
   EXPECT_EQ(state.run_state, 0x00);
-  // 450 degrees a second, braked with 20 ms: 9 degrees.
-  EXPECT_NEAR(state.block, 729, 1);
+  // 450 degrees a second, braked with 15 ms: 6.7 degrees.
+  EXPECT_NEAR(state.block, 727, 1);
   EXPECT_EQ(State(seconds(50)).tacho, state.tacho);
   Ask(seconds(60), RunMotor(-50, 720));
-  EXPECT_NEAR(State(seconds(70)).block, -729, 1);
+  EXPECT_NEAR(State(seconds(70)).block, -727, 1);
 }
 
 TEST_F(NxtBrickTest, CountersAreResetApart) {
