@@ -51,7 +51,14 @@ ActiveSweep::ActiveSweep(const Rig& rig, const CompiledPlan& plan, const Step& s
       scale_(ScaleOf(camera_)),
       stack_(geometry_.sample().size(), step.sweep.frames),
       fixes_(step.sweep.frames),
-      sequences_(step.sweep.frames) {}
+      sequences_(step.sweep.frames) {
+  const auto& response = rig.laser->response;
+  const double largest = *std::max_element(response.begin(), response.end());
+  for (size_t colour = 0; colour < gain_.size(); ++colour) {
+    if (!UsefulColour(*rig.laser, static_cast<int>(colour))) continue;
+    gain_[colour] = static_cast<float>(largest / response[colour]);
+  }
+}
 
 Status ActiveSweep::CheckState(const SweepFrame& frame) const {
   if (!frame.on) return FailedPrecondition("the laser was off");
@@ -94,20 +101,16 @@ Status ActiveSweep::Add(const SweepFrame& frame, std::string_view pixels) {
   stripe.saturation =
       static_cast<float>((scale_.saturated - scale_.black) * scale_.electrons_per_code);
   stripe.value.resize(mosaic.radiance.size());
-  const auto& response = rig_.laser->response;
-  const double largest = *std::max_element(response.begin(), response.end());
-  double least = largest;
   for (size_t k = 0; k < stripe.value.size(); ++k) {
+    if (stripe.usable[k] == 0) continue;
     const int column = static_cast<int>(k) % camera_.width,
               row = static_cast<int>(k) / camera_.width;
     const int colour = image::ColourAt(camera_.pattern, column, row);
-    if (!UsefulColour(*rig_.laser, colour)) continue;
-    const double own = response[static_cast<size_t>(colour)];
-    least = std::min(least, own);
     stripe.value[k] =
-        static_cast<float>(static_cast<double>(mosaic.radiance[k]) * electrons * (largest / own));
+        mosaic.radiance[k] * static_cast<float>(electrons) * gain_[static_cast<size_t>(colour)];
   }
-  stripe.noise = scale_.read_noise_e * largest / least, stripe.shot = largest / least;
+  const double worst = static_cast<double>(*std::max_element(gain_.begin(), gain_.end()));
+  stripe.noise = scale_.read_noise_e * worst, stripe.shot = worst;
   MESORIG_ASSIGN_OR_RETURN(fixes_[frame.index], FindTilt(geometry_, stripe));
   return OkStatus();
 }

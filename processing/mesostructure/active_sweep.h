@@ -1,6 +1,7 @@
 #pragma once
 // Internal to processing/mesostructure: one (camera, sweep) whose frames are coming.
 
+#include <array>
 #include <string>
 #include <string_view>
 
@@ -38,6 +39,7 @@ class ActiveSweep {
   const Camera camera_;                 // with the region's size
   const std::vector<double> axis_rad_;  // of the first frame
   const CodeScale scale_;
+  std::array<float, 3> gain_{};  // of each colour to the laser's strongest; 0: not used
   FrameStack stack_;
   std::vector<std::optional<TiltFix>> fixes_;
   std::vector<uint64_t> sequences_;

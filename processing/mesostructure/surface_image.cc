@@ -9,6 +9,7 @@
 namespace mesorig::mesostructure {
 namespace {
 
+constexpr double kFarthest_mm = 1e6;
 constexpr double kEdge = 1e-9;  // of a triangle's area: an edge belongs to both its triangles
 
 class Canvas {
@@ -46,6 +47,7 @@ class Canvas {
   void Put(int i, int j, double distance, double weight) {
     const auto at =
         static_cast<size_t>(j) * static_cast<size_t>(product_.width_px) + static_cast<size_t>(i);
+    if (!(distance < kFarthest_mm && distance > -kFarthest_mm)) return;  // also NaN
     if (!(weight > 0) || (weight_[at] > 0 && distance_[at] <= distance)) return;
     distance_[at] = static_cast<float>(std::max(distance, 0.0));
     weight_[at] = static_cast<float>(weight);

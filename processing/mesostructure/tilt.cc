@@ -107,8 +107,11 @@ StatusOr<TiltFix> FindTilt(const SweepGeometry& geometry, const StripeImage& ima
 
 std::vector<std::optional<TiltFix>> CompleteTilts(std::span<const std::optional<TiltFix>> fixes) {
   std::vector<std::optional<TiltFix>> tilts(fixes.begin(), fixes.end());
+  const auto known = [](const auto& list) {
+    return std::count_if(list.begin(), list.end(), [](const auto& t) { return t.has_value(); });
+  };
   DropOutliers(tilts);
-  if (!Monotone(tilts)) {
+  if (!Monotone(tilts) || 3 * known(tilts) < 2 * known(fixes)) {
     std::fill(tilts.begin(), tilts.end(), std::nullopt);
     return tilts;
   }
