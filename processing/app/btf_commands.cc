@@ -225,28 +225,35 @@ Status Compare(const std::filesystem::path& a, const std::filesystem::path& refe
 }
 
 Status Slice(const SliceOptions& options) {
+  MESORIG_ASSIGN_OR_RETURN(const btf::FileKind kind, btf::ReadFileKind(options.from));
+  if (kind == btf::FileKind::kMdf) {
+    if (options.light) return InvalidArgument("--light: an MDF has no lights");
+    return SliceMdf(options.from, options.view, options.to, options.json);
+  }
+  if (!options.light) return InvalidArgument("--light: a slice of a BTF needs one");
+  const int light = *options.light;
   MESORIG_ASSIGN_OR_RETURN(const btf::BtfFileInfo info, btf::ReadBtfInfo(options.from));
   const btf::BtfHeader& h = info.header;
-  if (options.view < 0 || options.view >= h.view_count() || options.light < 0 ||
-      options.light >= h.light_count()) {
+  if (options.view < 0 || options.view >= h.view_count() || light < 0 ||
+      light >= h.light_count()) {
     return InvalidArgument("{}: view {}, light {}: permitted are views 0 to {}, lights 0 to {}",
-                           options.from.string(), options.view, options.light, h.view_count() - 1,
+                           options.from.string(), options.view, light, h.view_count() - 1,
                            h.light_count() - 1);
   }
   const auto pair = static_cast<size_t>(options.view) * h.lights.size() +
-                    static_cast<size_t>(options.light);
+                    static_cast<size_t>(light);
   if (info.present[pair] == 0) {
     return InvalidArgument("{}: view {}, light {} was not measured", options.from.string(),
-                           options.view, options.light);
+                           options.view, light);
   }
   std::vector<float> image(3 * h.texel_count());
   if (info.codec == "raw") {
     MESORIG_ASSIGN_OR_RETURN(const btf::SampledBtf btf, btf::ReadSampledBtf(options.from));
-    const auto from = btf.Image(options.view, options.light);
+    const auto from = btf.Image(options.view, light);
     std::copy(from.begin(), from.end(), image.begin());
   } else {
     MESORIG_ASSIGN_OR_RETURN(const auto encoded, codecs::ReadEncodedBtf(options.from));
-    encoded->DecodeImage(options.view, options.light, image);
+    encoded->DecodeImage(options.view, light, image);
   }
   double exposure = options.exposure;
   if (exposure <= 0) exposure = h.calibrated ? AutomaticExposure(image) : 1.0;

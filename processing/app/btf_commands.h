@@ -34,10 +34,12 @@ Status Report(const std::filesystem::path& report_json, std::filesystem::path to
 
 struct SliceOptions {
   std::filesystem::path from, to;
-  int view = 0, light = 0;
+  int view = 0;
+  std::optional<int> light;  // an MDF has none
   double exposure = 0;  // 0: so that all but the brightest hundredth is below white
   bool json = false;
 };
+// Of a BTF a picture, of an MDF the heights that the view shows.
 Status Slice(const SliceOptions& options);
 
 struct CrossValidateOptions {

@@ -117,10 +117,10 @@ void AddCommands(CLI::App& app, Arguments& a) {
   cross->add_option("--pictures", a.pictures, "folder for PNGs, measured | predicted a light");
   AddEncodeOptions(cross, a.cross.encode);
 
-  CLI::App* slice = AddCommand(app, "slice", "one image of a BTF file as PNG", a);
-  slice->add_option("file", a.from, "*.btf.exr")->required();
+  CLI::App* slice = AddCommand(app, "slice", "one image of a BTF file as PNG; of an MDF file the heights that a view shows", a);
+  slice->add_option("file", a.from, "*.btf.exr or *.mdf.exr")->required();
   slice->add_option("--view", a.slice.view, "index of the view")->required();
-  slice->add_option("--light", a.slice.light, "index of the light")->required();
+  slice->add_option("--light", a.slice.light, "index of the light (BTF)");
   slice->add_option("--exposure", a.slice.exposure, "factor before sRGB; chosen without it")
       ->check(CLI::PositiveNumber);
   slice->add_option("-o,--out", a.to, "PNG to write")->required();

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <nlohmann/json.hpp>
 
+#include "processing/app/png_file.h"
 #include "processing/btf/mdf_errors.h"
 #include "processing/btf/mdf_file.h"
 
@@ -82,6 +83,36 @@ Status CompareMdfFiles(const std::filesystem::path& mdf, const std::filesystem::
              errors->best_plane_z_mm, errors->best_plane_median_abs_mm);
   for (const btf::MdfRing& ring : errors->by_view_theta) {
     if (by_angle) fmt::print("  views at {:5.1f} deg: {}\n", ring.theta_deg, FiguresText(ring));
+  }
+  return OkStatus();
+}
+
+Status SliceMdf(const std::filesystem::path& path, int view, const std::filesystem::path& png,
+                bool as_json) {
+  MESORIG_ASSIGN_OR_RETURN(const btf::Mdf mdf, btf::ReadMdf(path));
+  const btf::MdfHeader& h = mdf.header();
+  if (view < 0 || view >= h.view_count()) {
+    return InvalidArgument("{}: view {}, permitted are 0 to {}", path.string(), view,
+                           h.view_count() - 1);
+  }
+  const double per_mm = h.views[static_cast<size_t>(view)].z / h.h_ref_mm;
+  std::vector<float> rgb;
+  size_t measured = 0;
+  for (size_t k = 0; k < h.texel_count(); ++k) {
+    const float grey = 1 - mdf.Distance(view)[k] * static_cast<float>(per_mm);
+    const bool seen = mdf.Confidence(view)[k] > 0;
+    measured += seen ? 1 : 0;
+    rgb.insert(rgb.end(), {seen ? grey : 0.4f + 0.6f * grey, seen ? grey : 0.5f * grey,
+                           seen ? grey : 0.5f * grey});
+  }
+  MESORIG_RETURN_IF_ERROR(
+      WritePng(PictureOf(h.width, h.height, rgb, 1.0, /*code_values=*/true), png));
+  const double coverage = static_cast<double>(measured) / static_cast<double>(h.texel_count());
+  if (as_json) {
+    Print(
+        {{"file", png.string()}, {"width", h.width}, {"height", h.height}, {"coverage", coverage}});
+  } else {
+    fmt::print("{}: {} x {}, {:.1f} % measured\n", png.string(), h.width, h.height, 100 * coverage);
   }
   return OkStatus();
 }

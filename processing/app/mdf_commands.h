@@ -15,4 +15,10 @@ Status MdfInfo(const std::filesystem::path& file, bool json);
 Status CompareMdfFiles(const std::filesystem::path& mdf, const std::filesystem::path& truth,
                        bool by_angle, bool json);
 
+// The heights that one view shows, h_ref - D v.z, as grey: black is the turntable, white the
+// reference plane, so that two files of one sample compare. Texels that were filled in (confidence
+// 0) are red.
+Status SliceMdf(const std::filesystem::path& mdf, int view, const std::filesystem::path& png,
+                bool json);
+
 }  // namespace mesorig::processing

@@ -32,6 +32,7 @@ class Builder {
     Stages();
     Capture();
     Quality();
+    Mesostructure();
     Codecs();
     RenderAndReal();
     Pictures();
@@ -115,6 +116,32 @@ class Builder {
     body_ += Section("Measured BTF against the truth",
                      Paragraph("PSNR has the peak 1/π per steradian, a white diffuser that faces "
                                "the light.") + html);
+  }
+
+  void Mesostructure() {
+    const json* m = nullptr;
+    if (!Has("error of the MDF", {"mdf"}, m)) return;
+    const auto percent = [](std::optional<double> share) {
+      if (share) *share *= 100;
+      return Text(share, 1, "%");
+    };
+    std::string html = Table(
+        {{"median |error|, mm", "RMSE, mm", "coverage", "best plane's median |error|, mm",
+          "wall time, s"},
+         {Text(NumberIn(*m, "median_abs_mm"), 3), Text(NumberIn(*m, "rmse_mm"), 3),
+          percent(NumberIn(*m, "coverage")), Text(NumberIn(*m, "best_plane_median_abs_mm"), 3),
+          Text(NumberIn(*m, "wall_s"), 2)}});
+    Rows rows = {{"view at, degrees", "median |error|, mm", "RMSE, mm", "coverage"}};
+    const json* rings = Find(*m, {"by_view_theta"});
+    for (const json& e : rings != nullptr && rings->is_array() ? *rings : json::array()) {
+      rows.push_back({Text(NumberIn(e, "theta_deg"), 1), Text(NumberIn(e, "median_abs_mm"), 3),
+                      Text(NumberIn(e, "rmse_mm"), 3), percent(NumberIn(e, "coverage"))});
+    }
+    if (rows.size() > 1) html += Table(rows);
+    body_ += Section("Mesostructure against the truth",
+                     Paragraph("Distance from the reference plane along the view, over the texels "
+                               "that a laser sweep reached, views within 60 degrees; beside it what "
+                               "the best constant plane would give.") + html);
   }
 
   void Codecs() {

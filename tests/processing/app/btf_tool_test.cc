@@ -153,6 +153,12 @@ TEST_F(BtfTool, CompareOfMdfs) {
   EXPECT_EQ(json["coverage"], 1);
   EXPECT_NEAR(json["rmse_mm"], 0.25 / std::sqrt(13.0), 1e-6);
   EXPECT_EQ(json["by_view_theta"][0]["median_abs_mm"], 0.25);
+  const Output slice = Tool("slice " + Path("m.mdf.exr") + " --view 3 -o " + Path("m.png"));
+  EXPECT_EQ(slice.exit, 0) << slice.text;
+  EXPECT_THAT(*ReadFile(folder_ / "m.png"), HasSubstr("PNG"));
+  EXPECT_EQ(Tool("slice " + Path("m.mdf.exr") + " --view 13 -o " + Path("n.png")).exit, 2);
+  EXPECT_EQ(Tool("slice " + Path("m.mdf.exr") + " --view 1 --light 0 -o " + Path("n.png")).exit, 2);
+  EXPECT_EQ(Tool("slice " + Path("a.btf.exr") + " --view 1 -o " + Path("n.png")).exit, 2);
   EXPECT_EQ(Tool("compare " + Path("m.mdf.exr") + " " + Path("a.btf.exr")).exit, 2);
   EXPECT_EQ(Tool("compare " + Path("a.btf.exr") + " " + Path("m.mdf.exr")).exit, 2);
 }

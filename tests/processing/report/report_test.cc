@@ -28,6 +28,9 @@ json Example() {
       "by_view_theta": [{"theta_deg": 0, "psnr_db": 36.0}, {"theta_deg": 40, "psnr_db": 34.5},
                         {"theta_deg": 75, "psnr_db": 28.7}],
       "by_light_theta": [{"theta_deg": 8, "psnr_db": 32.0}, {"theta_deg": 75, "psnr_db": 38.7}]},
+    "mdf": {"median_abs_mm": 0.0123, "rmse_mm": 0.234, "coverage": 0.9876,
+      "best_plane_median_abs_mm": 0.789, "wall_s": 4.5,
+      "by_view_theta": [{"theta_deg": 40, "median_abs_mm": 0.0456, "rmse_mm": 0.3, "coverage": 1}]},
     "codec": {"view_svd": {"terms": 4, "bytes": 9400000, "ratio": 12.5, "psnr_db": 38.2,
                            "rel_error": 0.04, "encode_s": 2.1},
       "sweep": [{"terms": 1, "bytes": 2400000, "ratio": 49, "psnr_db": 30.2, "rel_error": 0.1, "encode_s": 1.2},
@@ -78,6 +81,8 @@ TEST_F(ReportTest, ShowsWhatIsThere) {
   EXPECT_THAT(html, HasSubstr("src=\"torus.png\""));
   EXPECT_THAT(html, HasSubstr("A torus &amp; its slab"));
   EXPECT_THAT(html, HasSubstr("<td class=\"number\">33.10</td>"));
+  EXPECT_THAT(html, HasSubstr("0.012</td>"));  // the MDF's median
+  EXPECT_THAT(html, HasSubstr("98.8 %"));
   EXPECT_THAT(html, Not(HasSubstr("http")));
 }
 
@@ -135,7 +140,7 @@ TEST_F(ReportTest, SurvivesMalformedReports) {
       EXPECT_TRUE(Write(changed.dump()).ok()) << pointer;
     }
   }
-  for (const char* key : {"title", "capture", "btf", "codec", "render", "real", "stages", "pictures"}) {
+  for (const char* key : {"title", "capture", "btf", "mdf", "codec", "render", "real", "stages", "pictures"}) {
     for (const json& other : odd) {
       json changed = report;
       changed[key] = other;
