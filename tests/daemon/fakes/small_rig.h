@@ -1,135 +1,16 @@
 #pragma once
-// Two axes, two lamps, two cameras.
+// Steps and plans for the small rig.
+
+#include <utility>
+#include <vector>
 
 #include "protocol/plan/plan.h"
-#include "protocol/rig/rig.h"
+#include "tests/fixtures/small_rig.h"
 
 namespace mesorig::daemon {
 
-inline Rig SmallRig() {
-  constexpr std::string_view kText = R"(
-name = "small"
-sample_radius_mm = 20
-heartbeat_s = 0.5
-[[axis]]
-name = "turntable"
-can_node = 5
-counts_per_turn = 36000
-min_deg = -180
-max_deg = 180
-max_velocity_deg_s = 90
-acceleration_deg_s2 = 180
-homing_velocity_deg_s = 20
-[[axis]]
-name = "arc"
-can_node = 6
-counts_per_turn = 72000
-min_deg = -90
-max_deg = 90
-max_velocity_deg_s = 30
-acceleration_deg_s2 = 60
-homing_velocity_deg_s = 10
-[[frame]]
-name = "sample"
-axis = "turntable"
-[[frame]]
-name = "light_arc"
-axis = "arc"
-[[lamp]]
-name = "L0"
-frame = "light_arc"
-distance_mm = 600
-theta_deg = 30
-channel = 0
-intensity_w_sr = [10, 10, 10]
-rise_s = 0.05
-settle_s = 0.5
-[[lamp]]
-name = "L1"
-frame = "light_arc"
-distance_mm = 600
-theta_deg = 50
-channel = 2
-intensity_w_sr = [10, 10, 10]
-rise_s = 0.05
-settle_s = 0.5
-[[camera]]
-name = "C0"
-serial = "1000"
-distance_mm = 800
-theta_deg = 20
-width_px = 16
-height_px = 8
-focal_px = 100
-pattern = "RGGB"
-bits = 12
-black_dn = 64
-full_well_e = 10000
-read_noise_e = 5
-electrons_per_radiance_s = 1e6
-min_exposure_s = 0.001
-max_exposure_s = 1
-readout_s = 0.01
-[[camera]]
-name = "C1"
-serial = "1001"
-distance_mm = 800
-theta_deg = 40
-width_px = 16
-height_px = 8
-focal_px = 100
-pattern = "RGGB"
-bits = 12
-black_dn = 64
-full_well_e = 10000
-read_noise_e = 5
-electrons_per_radiance_s = 1e6
-min_exposure_s = 0.001
-max_exposure_s = 1
-readout_s = 0.03
-[lamp_bank]
-unit = 1
-timeout_s = 1
-[lines]
-estop = 0
-door = 1
-reset = 2
-)";
-  return ParseRig(kText, "small.toml").value();
-}
-
-// The small rig with a laser of two mounts on the arc.
-inline Rig SmallLaserRig() {
-  constexpr std::string_view kLaser = R"(
-laser_trigger = 3
-laser_on = 4
-[turntable]
-radius_mm = 60
-albedo = 0.3
-[laser]
-name = "line_laser"
-frame = "light_arc"
-motor_port = 0
-gear_ratio = 240
-backlash_deg = 30
-full_speed_deg_s = 900
-max_tilt_deg = 6
-fan_deg = 60
-fwhm_mm = 2
-power_w = 0.03
-response = [0.15, 1, 0.1]
-[[laser.mount]]
-name = "high"
-theta_deg = 10
-distance_mm = 500
-[[laser.mount]]
-name = "low"
-theta_deg = 40
-distance_mm = 500
-)";
-  // (The lines are the last table of the small rig.)
-  return ParseRig(SmallRig().source_text + std::string(kLaser), "small_laser.toml").value();
-}
+using fixtures::SmallLaserRig;
+using fixtures::SmallRig;
 
 inline Step MountStep(int mount) {
   Step step;

@@ -4,11 +4,12 @@
 
 #include <cmath>
 
-#include "tests/simulator/devices/test_rig.h"
+#include "tests/fixtures/small_rig.h"
 
 namespace mesorig::simulator {
 namespace {
 
+using fixtures::SmallRig;
 using sim_wire::CameraAccess;
 using sim_wire::CameraRegister;
 using std::chrono::milliseconds;

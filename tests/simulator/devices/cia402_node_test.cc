@@ -8,11 +8,12 @@
 #include <random>
 
 #include "simulator/devices/cia402_node/can_bus.h"
-#include "tests/simulator/devices/test_rig.h"
+#include "tests/fixtures/small_rig.h"
 
 namespace mesorig::simulator {
 namespace {
 
+using fixtures::SmallRig;
 using sim_wire::CanFrame;
 using std::chrono::milliseconds;
 

@@ -8,11 +8,12 @@
 #include "simulator/devices/digital_lines/digital_lines.h"
 #include "simulator/devices/lamp_slave/lamp_bank_model.h"
 #include "simulator/devices/lamp_slave/lamp_slave.h"
-#include "tests/simulator/devices/test_rig.h"
+#include "tests/fixtures/small_rig.h"
 
 namespace mesorig::simulator {
 namespace {
 
+using fixtures::SmallRig;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
@@ -23,10 +24,10 @@ TEST(LampBankModel, CommunicationLossSwitchesOff) {
   EXPECT_EQ(bank.NextEvent(), kNever) << "nothing to lose before the first request";
   bank.RequestSeen(seconds(1));
   bank.Switch(0, true, seconds(1));
-  EXPECT_EQ(bank.FluxPerMille(0, seconds(2)), 1000);
-  EXPECT_EQ(bank.NextEvent(), RigTime(seconds(3)));
+  EXPECT_EQ(bank.FluxPerMille(0, milliseconds(1900)), 1000);
+  EXPECT_EQ(bank.NextEvent(), RigTime(seconds(2)));
   sim_wire::Outbox out;
-  bank.RunEvent(seconds(3), out);
+  bank.RunEvent(seconds(2), out);
   EXPECT_FALSE(bank.Coil(0));
   EXPECT_EQ(bank.FluxPerMille(0, seconds(5)), 0);
 }
