@@ -11,7 +11,8 @@ namespace {
 constexpr double kSameDirection = 1e-4;  // rad
 constexpr double kSameLength = 1e-6;     // relative
 constexpr double kRing = RadFromDeg(1);
-constexpr double kRounding = 1e-6;  // rad: directions are stored as float
+// A camera at 60 degrees of its arc stands at 60.3 over the reference plane.
+constexpr double kNominal = RadFromDeg(0.5);
 // The plane's height is searched on at most so many texels, evenly spread, and judged on all.
 constexpr size_t kSearchTexels = 1u << 17;
 constexpr int kHeights = 128, kRefinements = 4;
@@ -119,12 +120,14 @@ StatusOr<MdfErrors> CompareMdf(const Mdf& mdf, const Mdf& truth, double theta_li
   for (int v = 0; v < truth.header().view_count(); ++v) {
     const Vec3 direction = Normalized(truth.header().views[static_cast<size_t>(v)]);
     const double theta = AnglesFromDirection(direction).theta_rad;
-    if (theta <= theta_limit_rad + kRounding) views.emplace_back(theta, v);
-  }
-  if (views.empty()) {
-    return InvalidArgument("no view lies within {} degrees", DegFromRad(theta_limit_rad));
+    views.emplace_back(theta, v);
   }
   std::sort(views.begin(), views.end());
+  const double limit = theta_limit_rad + kNominal;
+  if (views.front().first > limit) {
+    return InvalidArgument("no view lies within {} degrees", DegFromRad(theta_limit_rad));
+  }
+  int counted = 0;
   MdfErrors errors;
   std::vector<TexelPair> all;
   size_t all_truth = 0;
@@ -132,7 +135,10 @@ StatusOr<MdfErrors> CompareMdf(const Mdf& mdf, const Mdf& truth, double theta_li
     std::vector<TexelPair> pairs;
     size_t with_truth = 0;
     double theta = 0;
-    for (; next < views.size() && views[next].first - views[first].first < kRing; ++next) {
+    const bool within = views[first].first <= limit;
+    for (; next < views.size() && views[next].first - views[first].first < kRing &&
+           (views[next].first <= limit) == within;
+         ++next) {
       Collect(mdf, truth, views[next].second, pairs, with_truth);
       theta += views[next].first;
     }
@@ -140,6 +146,8 @@ StatusOr<MdfErrors> CompareMdf(const Mdf& mdf, const Mdf& truth, double theta_li
     static_cast<MdfFigures&>(ring) = FiguresOf(pairs, with_truth, static_cast<int>(next - first));
     ring.theta_deg = DegFromRad(theta / ring.views);
     errors.by_view_theta.push_back(ring);
+    if (!within) continue;
+    counted += ring.views;
     all.insert(all.end(), pairs.begin(), pairs.end());
     all_truth += with_truth;
   }
@@ -147,7 +155,7 @@ StatusOr<MdfErrors> CompareMdf(const Mdf& mdf, const Mdf& truth, double theta_li
     return InvalidArgument("nothing was measured within {} degrees: {} texels have a truth there",
                            DegFromRad(theta_limit_rad), all_truth);
   }
-  static_cast<MdfFigures&>(errors) = FiguresOf(all, all_truth, static_cast<int>(views.size()));
+  static_cast<MdfFigures&>(errors) = FiguresOf(all, all_truth, counted);
   const double depth = BestPlaneDepth(all);
   std::vector<float> scratch;
   errors.best_plane_median_abs_mm = PlaneMedian(all, 1, depth, scratch);

@@ -21,12 +21,13 @@ struct MdfErrors : MdfFigures {
   // How well a constant plane would do on the same texels: z = best_plane_z_mm, the same for all
   // views, has D = (h_ref - z) / v.z; its height is the one whose median |error| is least.
   double best_plane_median_abs_mm = 0, best_plane_z_mm = 0;
-  std::vector<MdfRing> by_view_theta;  // rings of one degree, ascending
+  std::vector<MdfRing> by_view_theta;  // all views, in rings of one degree, ascending
 };
 
 inline constexpr double kMdfThetaLimit = RadFromDeg(60);
 
-// `truth`: confidence 0 marks texels without one. Views beyond `theta_limit_rad` do not count.
+// `truth`: confidence 0 marks texels without one. Views more than half a degree beyond
+// `theta_limit_rad` do not count (but have rings).
 // InvalidArgument when sizes, pitch, h_ref or views differ (1e-4 rad, 1e-6 of lengths), when no
 // view lies within the limit, or when nothing was measured there.
 StatusOr<MdfErrors> CompareMdf(const Mdf& mdf, const Mdf& truth,

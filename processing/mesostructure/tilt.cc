@@ -35,24 +35,36 @@ double Interpolate(double t0, double t1, size_t k0, size_t k1, size_t k) {
   return t0 + (t1 - t0) * static_cast<double>(k - k0) / static_cast<double>(k1 - k0);
 }
 
-// Drops what stands off the line between its neighbours, the worst first.
+// How far the fix `k` stands off the line through two others, by what is allowed: more than 1 is
+// too far. At the ends, where the line goes on beyond both, twice as much is allowed.
+double StandOff(std::span<const std::optional<TiltFix>> fixes, size_t k, size_t a, size_t b) {
+  const double t0 = fixes[a]->tilt_rad, t1 = fixes[b]->tilt_rad;
+  const double way = static_cast<double>(b) - static_cast<double>(a);
+  const double share = (static_cast<double>(k) - static_cast<double>(a)) / way;
+  const double step = std::abs(t1 - t0) / way;
+  const double deviation =
+      std::sqrt(fixes[k]->variance + (1 - share) * (1 - share) * fixes[a]->variance +
+                share * share * fixes[b]->variance);
+  const bool beyond = share < 0 || share > 1;
+  const double allowed = std::max((beyond ? 2 : 1) * kStandOff * step, kSureness * deviation);
+  return std::abs(fixes[k]->tilt_rad - (t0 + share * (t1 - t0))) / std::max(allowed, 1e-12);
+}
+
+// Drops what stands off the line of its neighbours, the worst first.
 void DropOutliers(std::vector<std::optional<TiltFix>>& fixes) {
-  for (size_t round = 0; round < fixes.size(); ++round) {
+  while (true) {
+    std::vector<size_t> known;
+    for (size_t k = NextFix(fixes, 0); k < fixes.size(); k = NextFix(fixes, k + 1)) {
+      known.push_back(k);
+    }
+    const size_t count = known.size();
+    if (count < 3) return;
     size_t worst = fixes.size();
     double most = 1;
-    size_t before = NextFix(fixes, 0);
-    for (size_t k = NextFix(fixes, before + 1); k < fixes.size();) {
-      const size_t after = NextFix(fixes, k + 1);
-      if (after >= fixes.size()) break;
-      const double t0 = fixes[before]->tilt_rad, t1 = fixes[after]->tilt_rad;
-      const double expected = Interpolate(t0, t1, before, after, k);
-      const double step = std::abs(t1 - t0) / static_cast<double>(after - before);
-      const double deviation = std::sqrt(fixes[k]->variance + 0.25 * fixes[before]->variance +
-                                         0.25 * fixes[after]->variance);
-      const double allowed = std::max(kStandOff * step, kSureness * deviation);
-      const double off = std::abs(fixes[k]->tilt_rad - expected) / std::max(allowed, 1e-12);
-      if (off > most) most = off, worst = k;
-      before = k, k = after;
+    for (size_t i = 0; i < count; ++i) {
+      const size_t a = i == 0 ? 1 : i - 1, b = i == 0 ? 2 : i + 1 == count ? i - 2 : i + 1;
+      const double off = StandOff(fixes, known[i], known[std::min(a, b)], known[std::max(a, b)]);
+      if (off > most) most = off, worst = known[i];
     }
     if (worst == fixes.size()) return;
     fixes[worst].reset();

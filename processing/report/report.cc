@@ -140,8 +140,8 @@ class Builder {
     if (rows.size() > 1) html += Table(rows);
     body_ += Section("Mesostructure against the truth",
                      Paragraph("Distance from the reference plane along the view, over the texels "
-                               "that a laser sweep reached, views within 60 degrees; beside it what "
-                               "the best constant plane would give.") + html);
+                               "that a laser sweep reached, first of the views within 60 degrees, "
+                               "beside what the best constant plane would give, then ring by ring.") + html);
   }
 
   void Codecs() {

@@ -48,9 +48,10 @@ TEST(MdfErrors, KnownFigures) {
   EXPECT_NEAR(errors->coverage, 180.0 / 200, 1e-12);
   EXPECT_EQ(errors->texels, 180u);
   EXPECT_EQ(errors->views, 2);
-  ASSERT_EQ(errors->by_view_theta.size(), 2u);
+  ASSERT_EQ(errors->by_view_theta.size(), 3u);
   EXPECT_NEAR(errors->by_view_theta[1].theta_deg, 30, 1e-4);
   EXPECT_NEAR(errors->by_view_theta[1].coverage, 0.8, 1e-12);
+  EXPECT_GT(errors->by_view_theta[2].median_abs_mm, 900);
   // More than half of the texels lie on z = 1.
   EXPECT_NEAR(errors->best_plane_z_mm, 1, 1e-2);
   EXPECT_NEAR(errors->best_plane_median_abs_mm, 0, 1e-2);

@@ -44,6 +44,10 @@ TEST(CompleteTilts, DropsWhatStandsOffAndSweepsThatTurnBack) {
   EXPECT_NEAR(tilts[7]->tilt_rad, 0.007, 1e-9);  // bridged
   EXPECT_EQ(tilts[6]->tilt_rad, 0.006);
   EXPECT_EQ(tilts[8]->tilt_rad, 0.008);
+  Fixes ends = Steady(20);
+  ends[0]->tilt_rad -= 0.001, ends[19]->tilt_rad += 0.001;
+  EXPECT_FALSE(CompleteTilts(ends)[0] || CompleteTilts(ends)[19]);
+  EXPECT_TRUE(CompleteTilts(ends)[1] && CompleteTilts(ends)[18]);
   for (size_t k = 10; k < 20; ++k) fixes[k]->tilt_rad = 0.02 - 0.001 * static_cast<double>(k);
   for (const auto& tilt : CompleteTilts(fixes)) EXPECT_FALSE(tilt);
   EXPECT_TRUE(CompleteTilts({}).empty());
