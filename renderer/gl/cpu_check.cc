@@ -53,7 +53,7 @@ CpuCheck CompareWithCpu(const Scene& scene, const BtfSource& source,
                         const std::vector<Fragment>& fragments, size_t most) {
   std::vector<const Fragment*> of_btf;
   for (const Fragment& fragment : fragments) {
-    if (scene.objects[static_cast<size_t>(fragment.object)].material == Material::kBtf) {
+    if (scene.objects[static_cast<size_t>(fragment.object)].material != Material::kPlain) {
       of_btf.push_back(&fragment);
     }
   }

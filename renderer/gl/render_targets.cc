@@ -66,9 +66,13 @@ StatusOr<LinearTarget> LinearTarget::Create(int width, int height, int samples) 
   return target;
 }
 
-void LinearTarget::Bind() const {
+void LinearTarget::Resume() const {
   glBindFramebuffer(GL_FRAMEBUFFER, multisampled_ ? draw_.name() : resolve_.name());
   glViewport(0, 0, width_, height_);
+}
+
+void LinearTarget::Bind() const {
+  Resume();
   glClear(GL_DEPTH_BUFFER_BIT);
 }
 
@@ -129,9 +133,13 @@ StatusOr<ProbeTarget> ProbeTarget::Create(int width, int height, int count) {
   return target;
 }
 
-void ProbeTarget::Bind() const {
+void ProbeTarget::Resume() const {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.name());
   glViewport(0, 0, width_, height_);
+}
+
+void ProbeTarget::Bind() const {
+  Resume();
   glClearColor(0, 0, 0, 0);
   glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
 }

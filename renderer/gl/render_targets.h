@@ -13,7 +13,8 @@ namespace mesorig::renderer {
 class LinearTarget {
  public:
   static StatusOr<LinearTarget> Create(int width, int height, int samples);
-  void Bind() const;       // draw into it
+  void Bind() const;       // draw into it, depth cleared
+  void Resume() const;     // draw on
   GLuint Resolve() const;  // the texture with one value a pixel
 
  private:
@@ -42,6 +43,7 @@ class ProbeTarget {
  public:
   static StatusOr<ProbeTarget> Create(int width, int height, int count);
   void Bind() const;                         // cleared to zero
+  void Resume() const;                       // draw on
   std::vector<float> Read(int index) const;  // RGBA, rows from the top
 
  private:

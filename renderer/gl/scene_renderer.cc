@@ -1,14 +1,13 @@
 #include "renderer/gl/scene_renderer.h"
 
 #include <algorithm>
-#include <cstddef>
 #include <optional>
 
 #include "renderer/gl/btf_texture.h"
+#include "renderer/gl/gl_mesh.h"
 #include "renderer/gl/gl_objects.h"
 #include "renderer/gl/render_targets.h"
 #include "renderer/gl/shaders.h"
-#include "renderer/scene/mesh.h"
 #include "renderer/scene/view_transform.h"
 
 namespace mesorig::renderer {
@@ -17,6 +16,7 @@ namespace {
 constexpr char kVersionGlsl[] = "#version 450 core\n";
 constexpr char kProbeGlsl[] = "#define MESORIG_PROBE\n";
 constexpr int kProbeTargets = 5;
+constexpr GLuint kHitUnit = 7;  // shaders/mdf_hit.glsl
 
 // Places of the uniforms in shaders/mesh.vert and shaders/surface.glsl.
 enum Location : GLint {
@@ -33,54 +33,6 @@ enum Location : GLint {
   kPlainScale = 16,  // plain.frag; btf.frag has its own from here on
 };
 
-struct GlMesh {
-  GlVertexArray array;
-  GlBuffer vertices, indices;
-  GLsizei index_count = 0;
-  Matrix4 world_from_object;
-  TextureScale units_per_mm;
-  Material material = Material::kBtf;
-};
-
-GlMesh Upload(const Mesh& mesh) {
-  GlMesh result;
-  result.vertices = MakeBuffer(mesh.vertices);
-  result.indices = MakeBuffer(mesh.indices);
-  result.index_count = static_cast<GLsizei>(mesh.indices.size());
-  GLuint name = 0;
-  glCreateVertexArrays(1, &name);
-  result.array = GlVertexArray(name);
-  glVertexArrayVertexBuffer(name, 0, result.vertices.name(), 0, sizeof(Vertex));
-  glVertexArrayElementBuffer(name, result.indices.name());
-  const struct {
-    GLint size;
-    size_t offset;
-  } attributes[] = {{3, offsetof(Vertex, position)},
-                    {3, offsetof(Vertex, normal)},
-                    {3, offsetof(Vertex, tangent)},
-                    {2, offsetof(Vertex, texture_mm)}};
-  GLuint index = 0;
-  for (const auto& attribute : attributes) {
-    glEnableVertexArrayAttrib(name, index);
-    glVertexArrayAttribFormat(name, index, attribute.size, GL_FLOAT, GL_FALSE,
-                              static_cast<GLuint>(attribute.offset));
-    glVertexArrayAttribBinding(name, index, 0);
-    ++index;
-  }
-  return result;
-}
-
-void SetVector(GLuint program, GLint location, Vec3 value) {
-  glProgramUniform3f(program, location, static_cast<float>(value.x), static_cast<float>(value.y),
-                     static_cast<float>(value.z));
-}
-
-void SetMatrix(GLuint program, GLint location, const Matrix4& value) {
-  std::array<float, 16> floats;
-  for (size_t i = 0; i < 16; ++i) floats[i] = static_cast<float>(value[i]);
-  glProgramUniformMatrix4fv(program, location, 1, GL_FALSE, floats.data());
-}
-
 StatusOr<GlProgram> BuildFullscreen(std::string_view name, const char* fragment) {
   return BuildProgram(name, {{GL_VERTEX_SHADER, {kVersionGlsl, kFullscreenVertexGlsl}},
                              {GL_FRAGMENT_SHADER, {kVersionGlsl, fragment}}});
@@ -89,37 +41,68 @@ StatusOr<GlProgram> BuildFullscreen(std::string_view name, const char* fragment)
 }  // namespace
 
 struct SceneRenderer::State {
+  // A program a material; those that the scene does not use have the name 0.
+  struct Programs {
+    std::array<GlProgram, 3> of_material;
+    GLuint name(Material material) const {
+      return of_material[static_cast<size_t>(material)].name();
+    }
+  };
+
   Scene scene;
   std::vector<GlMesh> meshes;  // as Scene::objects
   std::optional<BtfTexture> btf;
   std::optional<LayeredTexture> plain;
-  GlProgram btf_program, plain_program, background_program, tone_map_program;
+  std::optional<Silhouettes> silhouettes;
+  Programs programs;
+  GlProgram background_program, tone_map_program;
   GlVertexArray no_vertices;
   std::optional<LinearTarget> linear;
   std::optional<PictureTarget> picture;
+  std::optional<SilhouetteTarget> silhouette_target;
+  SilhouettePasses passes;
 
   StatusOr<GlProgram> BuildMaterial(Material material, bool probe) const;
+  StatusOr<Programs> BuildMaterials(bool probe) const;
   void SetScene(GLuint program, bool probe) const;
-  void BindTextures(GLuint btf_name, GLuint plain_name) const;
-  void DrawObjects(GLuint btf, GLuint plain) const;
+  void BindTextures(Material material, GLuint program) const;
+  // Into `target`, which is bound. `peeled` is of the same size; null where no object has an MDF.
+  template <typename Target>
+  SilhouettePasses DrawObjects(const Programs& programs, const Target& target,
+                               const SilhouetteTarget* peeled) const;
+  void DrawObject(size_t object, const Programs& programs) const;
   void DrawBackground() const;
   Status LoadMaterials(const BtfSource& source, const GlLimits& limits);
+  Status LoadMdf(const BtfSource& source, const btf::Mdf* mdf, const GlLimits& limits);
   Status LoadMeshes(const BtfSource& source);
   Status MakeTargets(const GlLimits& limits);
 };
 
 StatusOr<GlProgram> SceneRenderer::State::BuildMaterial(Material material, bool probe) const {
-  const char* probe_glsl = probe ? kProbeGlsl : "";
-  std::vector<std::string> fragment = {kVersionGlsl, probe_glsl, kSurfaceGlsl};
-  if (material == Material::kBtf) {
-    fragment.insert(fragment.end(), btf->glsl().begin(), btf->glsl().end());
-    fragment.push_back(kBtfFragmentGlsl);
-  } else {
+  const std::string defines = std::string(probe ? kProbeGlsl : "") +
+                              (material == Material::kBtfMdf ? "#define MESORIG_MDF\n" : "");
+  std::vector<std::string> fragment = {kVersionGlsl, defines, kSurfaceGlsl};
+  if (material == Material::kPlain) {
     fragment.push_back(kPlainFragmentGlsl);
+  } else {
+    fragment.insert(fragment.end(), btf->glsl().begin(), btf->glsl().end());
+    if (material == Material::kBtfMdf) fragment.push_back(kMdfHitGlsl);
+    fragment.push_back(kBtfFragmentGlsl);
   }
-  return BuildProgram(
-      material == Material::kBtf ? "btf" : "plain",
-      {{GL_VERTEX_SHADER, {kVersionGlsl, kMeshVertexGlsl}}, {GL_FRAGMENT_SHADER, fragment}});
+  return BuildProgram(material == Material::kPlain ? "plain" : "btf",
+                      {{GL_VERTEX_SHADER, {kVersionGlsl, defines, kMeshVertexGlsl}},
+                       {GL_FRAGMENT_SHADER, fragment}});
+}
+
+auto SceneRenderer::State::BuildMaterials(bool probe) const -> StatusOr<Programs> {
+  Programs result;
+  for (const Material material : {Material::kBtf, Material::kBtfMdf, Material::kPlain}) {
+    if (!scene.Uses(material)) continue;
+    MESORIG_ASSIGN_OR_RETURN(GlProgram program, BuildMaterial(material, probe));
+    SetScene(program.name(), probe);
+    result.of_material[static_cast<size_t>(material)] = std::move(program);
+  }
+  return result;
 }
 
 void SceneRenderer::State::SetScene(GLuint program, bool probe) const {
@@ -137,29 +120,44 @@ void SceneRenderer::State::SetScene(GLuint program, bool probe) const {
   }
 }
 
-void SceneRenderer::State::BindTextures(GLuint btf_name, GLuint plain_name) const {
-  if (btf) btf->Bind(btf_name);
-  if (plain) {
+void SceneRenderer::State::BindTextures(Material material, GLuint program) const {
+  if (material == Material::kPlain) {
     glBindTextureUnit(1, plain->texture.name());
-    glProgramUniform1f(plain_name, kPlainScale, plain->scale);
+    glProgramUniform1f(program, kPlainScale, plain->scale);
+  } else {
+    btf->Bind(program);
   }
 }
 
-void SceneRenderer::State::DrawObjects(GLuint btf_name, GLuint plain_name) const {
-  BindTextures(btf_name, plain_name);
+void SceneRenderer::State::DrawObject(size_t object, const Programs& with) const {
+  const GlMesh& mesh = meshes[object];
+  const GLuint program = with.name(mesh.material);
+  BindTextures(mesh.material, program);
+  SetMatrix(program, kWorldFromObject, mesh.world_from_object);
+  glProgramUniform2f(program, kUnitsPerMm, static_cast<float>(mesh.units_per_mm.x),
+                     static_cast<float>(mesh.units_per_mm.y));
+  glProgramUniform1f(program, kObjectNumber, static_cast<float>(object + 1));
+  glUseProgram(program);
+  mesh.Draw();
+}
+
+template <typename Target>
+SilhouettePasses SceneRenderer::State::DrawObjects(const Programs& with, const Target& target,
+                                                   const SilhouetteTarget* peeled) const {
   glEnable(GL_DEPTH_TEST);
   glEnable(GL_CULL_FACE);
+  SilhouettePasses result;
   for (size_t i = 0; i < meshes.size(); ++i) {
-    const GlMesh& mesh = meshes[i];
-    const GLuint program = mesh.material == Material::kBtf ? btf_name : plain_name;
-    SetMatrix(program, kWorldFromObject, mesh.world_from_object);
-    glProgramUniform2f(program, kUnitsPerMm, static_cast<float>(mesh.units_per_mm.x),
-                       static_cast<float>(mesh.units_per_mm.y));
-    glProgramUniform1f(program, kObjectNumber, static_cast<float>(i + 1));
-    glUseProgram(program);
-    glBindVertexArray(mesh.array.name());
-    glDrawElements(GL_TRIANGLES, mesh.index_count, GL_UNSIGNED_INT, nullptr);
+    if (meshes[i].material == Material::kBtfMdf) {
+      const SilhouettePasses found = silhouettes->Find(meshes[i], *peeled);
+      result.passes = std::max(result.passes, found.passes);
+      result.exhausted = result.exhausted || found.exhausted;
+      target.Resume();
+      glBindTextureUnit(kHitUnit, peeled->hit());
+    }
+    DrawObject(i, with);
   }
+  return result;
 }
 
 void SceneRenderer::State::DrawBackground() const {
@@ -170,18 +168,38 @@ void SceneRenderer::State::DrawBackground() const {
 }
 
 Status SceneRenderer::State::LoadMaterials(const BtfSource& source, const GlLimits& limits) {
-  if (scene.Uses(Material::kBtf)) {
+  if (scene.Uses(Material::kBtf) || scene.Uses(Material::kBtfMdf)) {
     MESORIG_ASSIGN_OR_RETURN(btf, BtfTexture::Create(source, limits));
-    MESORIG_ASSIGN_OR_RETURN(btf_program, BuildMaterial(Material::kBtf, false));
-    SetScene(btf_program.name(), false);
   }
   if (scene.Uses(Material::kPlain)) {
     MESORIG_ASSIGN_OR_RETURN(const std::vector<float> texture, source.PlainTexture());
     MESORIG_ASSIGN_OR_RETURN(plain, MakeLayeredTexture(GL_TEXTURE_2D, source.header().width,
                                                        source.header().height, 1, texture, limits));
-    MESORIG_ASSIGN_OR_RETURN(plain_program, BuildMaterial(Material::kPlain, false));
-    SetScene(plain_program.name(), false);
   }
+  MESORIG_ASSIGN_OR_RETURN(programs, BuildMaterials(false));
+  return OkStatus();
+}
+
+Status SceneRenderer::State::LoadMdf(const BtfSource& source, const btf::Mdf* mdf,
+                                     const GlLimits& limits) {
+  if (!scene.Uses(Material::kBtfMdf)) return OkStatus();
+  const ImageSettings& image = scene.image;
+  if (mdf == nullptr) {
+    return InvalidArgument("an object is of the material \"btf+mdf\", but there is no MDF");
+  }
+  if (image.msaa > 1) {
+    return InvalidArgument(
+        "msaa = {} with an object of the material \"btf+mdf\"; permitted is 1 (supersample "
+        "antialiases the relief's silhouettes too)",
+        image.msaa);
+  }
+  const btf::BtfHeader& header = source.header();
+  MESORIG_RETURN_IF_ERROR(CheckSameSample(header.width, header.height, header.pitch_mm,
+                                          header.h_ref_mm, mdf->header()));
+  MESORIG_ASSIGN_OR_RETURN(silhouettes, Silhouettes::Create(*mdf, scene, limits));
+  MESORIG_ASSIGN_OR_RETURN(
+      silhouette_target,
+      SilhouetteTarget::Create(image.width * image.supersample, image.height * image.supersample));
   return OkStatus();
 }
 
@@ -191,11 +209,7 @@ Status SceneRenderer::State::LoadMeshes(const BtfSource& source) {
     MESORIG_ASSIGN_OR_RETURN(const TextureScale scale,
                              ScaleTexture(object, header.width * header.pitch_mm,
                                           static_cast<double>(header.height) / header.width));
-    GlMesh mesh = Upload(MakeMesh(object));
-    mesh.world_from_object = FromRigid(Placement(object));
-    mesh.units_per_mm = scale;
-    mesh.material = object.material;
-    meshes.push_back(std::move(mesh));
+    meshes.push_back(UploadObject(object, scale));
   }
   return CheckGl("the scene's meshes");
 }
@@ -232,11 +246,12 @@ SceneRenderer::SceneRenderer(SceneRenderer&& other) noexcept = default;
 SceneRenderer::~SceneRenderer() = default;
 
 StatusOr<SceneRenderer> SceneRenderer::Create(const Scene& scene, const BtfSource& source,
-                                              const GlContext& context) {
+                                              const GlContext& context, const btf::Mdf* mdf) {
   auto state = std::make_unique<State>();
   state->scene = scene;
   MESORIG_RETURN_IF_ERROR(state->MakeTargets(context.limits()));
   MESORIG_RETURN_IF_ERROR(state->LoadMeshes(source));
+  MESORIG_RETURN_IF_ERROR(state->LoadMdf(source, mdf, context.limits()));
   MESORIG_RETURN_IF_ERROR(state->LoadMaterials(source, context.limits()));
   return SceneRenderer(std::move(state));
 }
@@ -244,7 +259,9 @@ StatusOr<SceneRenderer> SceneRenderer::Create(const Scene& scene, const BtfSourc
 void SceneRenderer::Draw() {
   state_->linear->Bind();
   state_->DrawBackground();
-  state_->DrawObjects(state_->btf_program.name(), state_->plain_program.name());
+  const SilhouetteTarget* peeled =
+      state_->silhouette_target ? &*state_->silhouette_target : nullptr;
+  state_->passes = state_->DrawObjects(state_->programs, *state_->linear, peeled);
   const GLuint resolved = state_->linear->Resolve();
   state_->picture->Bind();
   glDisable(GL_DEPTH_TEST);
@@ -254,6 +271,8 @@ void SceneRenderer::Draw() {
   glDrawArrays(GL_TRIANGLES, 0, 3);
   glFinish();
 }
+
+SilhouettePasses SceneRenderer::silhouette_passes() const { return state_->passes; }
 
 StatusOr<Picture> SceneRenderer::ReadPicture() const {
   Picture picture = state_->picture->Read();
@@ -265,17 +284,13 @@ StatusOr<std::vector<Fragment>> SceneRenderer::Probe() const {
   const int width = state_->scene.image.width, height = state_->scene.image.height;
   MESORIG_ASSIGN_OR_RETURN(const ProbeTarget target,
                            ProbeTarget::Create(width, height, kProbeTargets));
-  GlProgram btf_program, plain_program;
-  if (state_->btf) {
-    MESORIG_ASSIGN_OR_RETURN(btf_program, state_->BuildMaterial(Material::kBtf, true));
-    state_->SetScene(btf_program.name(), true);
-  }
-  if (state_->plain) {
-    MESORIG_ASSIGN_OR_RETURN(plain_program, state_->BuildMaterial(Material::kPlain, true));
-    state_->SetScene(plain_program.name(), true);
+  MESORIG_ASSIGN_OR_RETURN(const State::Programs programs, state_->BuildMaterials(true));
+  std::optional<SilhouetteTarget> peeled;
+  if (state_->silhouettes) {
+    MESORIG_ASSIGN_OR_RETURN(peeled, SilhouetteTarget::Create(width, height));
   }
   target.Bind();
-  state_->DrawObjects(btf_program.name(), plain_program.name());
+  state_->DrawObjects(programs, target, peeled ? &*peeled : nullptr);
   std::array<std::vector<float>, kProbeTargets> read;
   for (int i = 0; i < kProbeTargets; ++i) read[static_cast<size_t>(i)] = target.Read(i);
   MESORIG_RETURN_IF_ERROR(CheckGl("probing the scene"));

@@ -1,13 +1,15 @@
 #pragma once
 // Draws a scene. Only what the scene uses is uploaded and compiled: no BTF for plain objects alone,
-// no plain texture for BTF objects alone.
+// no plain texture for BTF objects alone, no MDF and no peeling without an object that has one.
 
 #include <array>
 #include <memory>
 #include <vector>
 
+#include "processing/btf/mdf.h"
 #include "renderer/gl/btf_source.h"
 #include "renderer/gl/context.h"
+#include "renderer/gl/silhouettes.h"
 #include "renderer/scene/picture.h"
 #include "renderer/scene/scene.h"
 
@@ -25,10 +27,12 @@ struct Fragment {
 
 class SceneRenderer {
  public:
-  // `source` may be gone afterwards; `context` must outlive the renderer, and all calls are made on
-  // its thread. InvalidArgument when the scene does not fit this BTF or this driver.
+  // `source` and `mdf` may be gone afterwards; `context` must outlive the renderer, and all calls
+  // are made on its thread. `mdf` may be null where no object of the scene has one. InvalidArgument
+  // when the scene does not fit this BTF, this MDF or this driver; with an MDF, for msaa above 1
+  // (whether the relief is hit is decided a shaded sample).
   static StatusOr<SceneRenderer> Create(const Scene& scene, const BtfSource& source,
-                                        const GlContext& context);
+                                        const GlContext& context, const btf::Mdf* mdf = nullptr);
   SceneRenderer(SceneRenderer&& other) noexcept;
   ~SceneRenderer();
 
@@ -36,6 +40,8 @@ class SceneRenderer {
   void Draw();
   // The frame that was drawn last.
   StatusOr<Picture> ReadPicture() const;
+  // Of the frame that was drawn last; 0 passes without an object that has an MDF.
+  SilhouettePasses silhouette_passes() const;
   // The fragments of all objects, drawn once more: one sample at each pixel's centre, no mip
   // levels.
   StatusOr<std::vector<Fragment>> Probe() const;

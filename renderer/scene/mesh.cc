@@ -129,6 +129,55 @@ Mesh MakeMesh(const Object& object) {
   return MakeSlab(object.size_mm, object.rounding_mm);
 }
 
+namespace {
+
+Vec3 ToVec3(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
+
+void Store(Vec3 from, float (&to)[3]) {
+  to[0] = static_cast<float>(from.x);
+  to[1] = static_cast<float>(from.y);
+  to[2] = static_cast<float>(from.z);
+}
+
+}  // namespace
+
+std::vector<Stretch> StretchOf(const Mesh& mesh) {
+  std::vector<Vec3> along_x(mesh.vertices.size()), along_y(mesh.vertices.size());
+  std::vector<double> weight(mesh.vertices.size());
+  for (size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
+    const Vertex& a = mesh.vertices[mesh.indices[i]];
+    const Vertex& b = mesh.vertices[mesh.indices[i + 1]];
+    const Vertex& c = mesh.vertices[mesh.indices[i + 2]];
+    const double x1 = b.texture_mm[0] - a.texture_mm[0], y1 = b.texture_mm[1] - a.texture_mm[1];
+    const double x2 = c.texture_mm[0] - a.texture_mm[0], y2 = c.texture_mm[1] - a.texture_mm[1];
+    const double area = x1 * y2 - x2 * y1;
+    // A sliver's derivatives are rounding: what remains of cancelled products.
+    if (!(std::abs(area) > 1e-5 * std::hypot(x1, y1) * std::hypot(x2, y2))) continue;
+    const Vec3 ab = ToVec3(b.position) - ToVec3(a.position);
+    const Vec3 ac = ToVec3(c.position) - ToVec3(a.position);
+    // Times the area, which is also the weight.
+    const double sign = area > 0 ? 1 : -1;
+    const Vec3 x = sign * (y2 * ab - y1 * ac), y = sign * (x1 * ac - x2 * ab);
+    for (size_t k = 0; k < 3; ++k) {
+      const size_t vertex = mesh.indices[i + k];
+      along_x[vertex] = along_x[vertex] + x;
+      along_y[vertex] = along_y[vertex] + y;
+      weight[vertex] += std::abs(area);
+    }
+  }
+  std::vector<Stretch> result(mesh.vertices.size());
+  for (size_t i = 0; i < result.size(); ++i) {
+    const double scale = weight[i] > 0 ? 1 / weight[i] : 0;
+    Store(scale * along_x[i], result[i].along_x);
+    Store(scale * along_y[i], result[i].along_y);
+  }
+  return result;
+}
+
+double HeightScale(const Stretch& stretch) {
+  return std::sqrt(Norm(Cross(ToVec3(stretch.along_x), ToVec3(stretch.along_y))));
+}
+
 RigidTransform Placement(const Object& object) {
   const Vec3 r = object.rotation_rad;
   return {RotationAbout({0, 0, 1}, r.z) *

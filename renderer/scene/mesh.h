@@ -23,6 +23,20 @@ struct Mesh {
   std::vector<uint32_t> indices;  // three a triangle, counter-clockwise seen from outside
 };
 
+// How the texture lies on the surface at a vertex: mm of the surface (object frame) for a
+// millimetre of Vertex::texture_mm along +x and +y. Both zero where the texture has no area.
+struct Stretch {
+  float along_x[3], along_y[3];
+};
+// One a vertex: the mean over its triangles of d(surface)/d(texture), weighted by their texture
+// area. Triangles whose texture has (next to) no area do not count.
+std::vector<Stretch> StretchOf(const Mesh& mesh);
+
+// Square root of the area stretch: by how much the mesostructure's heights grow on the surface when
+// a millimetre of the texture is a millimetre of the sample (DESIGN, "On a mesh"). 0 where there is
+// no map.
+double HeightScale(const Stretch& stretch);
+
 // A torus around z: +x of the sample runs along the tube (counter-clockwise seen from +z), +y
 // around it (on the upper side towards the axis). Texture lengths are true on the circle of the
 // major radius and stretch by 1 + (minor/major) cos(phi) elsewhere.

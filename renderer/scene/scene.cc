@@ -20,6 +20,14 @@ ImageSettings ReadImage(TomlTable t) {
   return image;
 }
 
+SilhouetteSettings ReadSilhouettes(TomlTable t) {
+  SilhouetteSettings settings;
+  settings.max_passes = static_cast<int>(t.IntegerOr("max_passes", settings.max_passes, {1, 64}));
+  settings.follow_curvature = t.BoolOr("follow_curvature", settings.follow_curvature);
+  if (t.Has("step_mm")) settings.step_mm = t.Number("step_mm", {0, 1e5});
+  return settings;
+}
+
 Camera ReadCamera(TomlTable t) {
   Camera camera;
   camera.eye_mm = t.Vector("eye_mm", {-1e6, 1e6});
@@ -67,8 +75,10 @@ void ReadSlab(TomlTable& t, Object& object) {
 Object ReadObject(TomlTable t) {
   Object object;
   const std::string shape = t.Word("shape", {"torus", "slab"});
-  if (t.Has("material") && t.Word("material", {"btf", "plain"}) == "plain") {
-    object.material = Material::kPlain;
+  if (t.Has("material")) {
+    const std::string material = t.Word("material", {"btf", "btf+mdf", "plain"});
+    if (material == "btf+mdf") object.material = Material::kBtfMdf;
+    if (material == "plain") object.material = Material::kPlain;
   }
   object.position_mm = t.VectorOr("position_mm", {}, {-1e6, 1e6});
   object.rotation_rad = RadFromDeg(1) * t.VectorOr("rotation_deg", {}, {-360, 360});
@@ -86,10 +96,17 @@ Object ReadObject(TomlTable t) {
 StatusOr<Scene> ReadScene(TomlFile file, const std::filesystem::path& folder) {
   TomlTable root = file.root();
   Scene scene;
+  // (An absolute path stays as it is.)
   if (const std::string btf = root.StringOr("btf", ""); !btf.empty()) {
-    scene.btf_file = (folder / btf).lexically_normal();  // an absolute path stays as it is
+    scene.btf_file = (folder / btf).lexically_normal();
+  }
+  if (const std::string mdf = root.StringOr("mdf", ""); !mdf.empty()) {
+    scene.mdf_file = (folder / mdf).lexically_normal();
   }
   if (auto image = root.TableIfPresent("image")) scene.image = ReadImage(*image);
+  if (auto settings = root.TableIfPresent("silhouettes")) {
+    scene.silhouettes = ReadSilhouettes(*settings);
+  }
   scene.camera = ReadCamera(root.Table("camera"));
   for (TomlTable light : root.Tables("light")) scene.lights.push_back(ReadLight(light));
   if (scene.lights.empty() || scene.lights.size() > kMaxLights) {

@@ -36,9 +36,19 @@ struct DirectionalLight {
 };
 
 enum class Shape { kTorus, kSlab };
-// kBtf: the BTF, both directions per fragment. kPlain: the Lambert fit of its most
-// frontal view as a texture, which is what one has without a BTF.
-enum class Material { kBtf, kPlain };
+// kBtf: the BTF, both directions per fragment. kBtfMdf: the same, with the silhouettes of the
+// mesostructure (Wang et al. 2005, Sec. 4.1). kPlain: the Lambert fit of the BTF's most frontal
+// view as a texture, which is what one has without a BTF.
+enum class Material { kBtf, kBtfMdf, kPlain };
+
+// How the rays of kBtfMdf objects are followed (gl/silhouettes.h says what each does).
+struct SilhouetteSettings {
+  int max_passes = 8;            // layers of an object peeled at most; 1..64
+  bool follow_curvature = true;  // false: the straight rays of Wang et al.
+  // Depths that differ by more are different layers of the mesostructure and are never averaged,
+  // mm of the sample; 0: nearest texel and nearest view; negative: two texels' pitch.
+  double step_mm = -1;
+};
 
 struct Object {
   Shape shape = Shape::kSlab;
@@ -58,8 +68,10 @@ struct Object {
 };
 
 struct Scene {
-  std::filesystem::path btf_file;  // resolved against the scene file's folder; empty: none named
+  // Resolved against the scene file's folder; empty: none named.
+  std::filesystem::path btf_file, mdf_file;
   ImageSettings image;
+  SilhouetteSettings silhouettes;
   Camera camera;
   std::vector<DirectionalLight> lights;  // 1..kMaxLights
   std::vector<Object> objects;           // at least one

@@ -55,4 +55,12 @@ std::array<double, 2> PixelOf(const Camera& camera, int width, int height, Vec3 
   return {(row(0) / w + 1) / 2 * width, (1 - row(1) / w) / 2 * height};
 }
 
+Vec3 RayThrough(const Camera& camera, int width, int height, double x, double y) {
+  const Vec3 forward = Normalized(camera.target_mm - camera.eye_mm);
+  const Vec3 right = Normalized(Cross(forward, camera.up));
+  const Vec3 up = Cross(right, forward);
+  const double pixel = 2 * std::tan(camera.fov_rad / 2) / height;
+  return Normalized(forward + (x - width / 2.0) * pixel * right + (height / 2.0 - y) * pixel * up);
+}
+
 }  // namespace mesorig::renderer

@@ -18,5 +18,7 @@ Matrix4 Projection(const Camera& camera, double aspect);
 // Pixel coordinates (x right, y down, origin at the picture's top left corner) of a world point
 // before the camera.
 std::array<double, 2> PixelOf(const Camera& camera, int width, int height, Vec3 p_in_world);
+// Unit vector from the eye through the pixel coordinates (x, y): the inverse of PixelOf.
+Vec3 RayThrough(const Camera& camera, int width, int height, double x, double y);
 
 }  // namespace mesorig::renderer

@@ -7,6 +7,9 @@ void main() {
   vec3 view = sample_from_world * normalize(eye - surface.p);
   float level = max(textureQueryLod(btf_layers, surface.uv).y + finest_level, 0.0);
   Interpolation v = Interpolate(0, view);
+#ifdef MESORIG_MDF
+  if (!MeetsRelief()) discard;  // (after the derivatives)
+#endif
   vec3 radiance = vec3(0.0);
   for (int i = 0; i < light_count; ++i) {
     vec3 light = sample_from_world * light_direction[i];

@@ -2,6 +2,17 @@ layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec3 tangent;
 layout(location = 3) in vec2 texture_mm;
+#ifdef MESORIG_STRETCH
+layout(location = 4) in vec3 along_x;
+layout(location = 5) in vec3 along_y;
+out Stretch {
+  vec3 along_x;  // world, mm of the surface a mm of the texture
+  vec3 along_y;
+} stretch;
+#endif
+#ifdef MESORIG_MDF
+invariant gl_Position;  // the peeling's triangles are found again by number
+#endif
 
 layout(location = 0) uniform mat4 clip_from_world;
 layout(location = 1) uniform mat4 world_from_object;
@@ -21,5 +32,9 @@ void main() {
   surface.tangent = mat3(world_from_object) * tangent;
   vec2 units = texture_mm * units_per_mm;
   surface.uv = vec2(0.5 + units.x, 0.5 - units.y);
+#ifdef MESORIG_STRETCH
+  stretch.along_x = mat3(world_from_object) * along_x;
+  stretch.along_y = mat3(world_from_object) * along_y;
+#endif
   gl_Position = clip_from_world * p;
 }

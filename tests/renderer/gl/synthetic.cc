@@ -58,6 +58,28 @@ btf::SampledBtf MakeBumpyBtf(int size, const std::vector<Vec3>& views,
   });
 }
 
+btf::Mdf MakeMdf(int size, double pitch_mm, const std::vector<Vec3>& views,
+                 const std::function<double(int, int, Vec3)>& distance) {
+  btf::MdfHeader header;
+  header.width = header.height = size;
+  header.pitch_mm = pitch_mm;
+  header.h_ref_mm = 5;
+  header.views = views;
+  btf::Mdf mdf(header);
+  for (int view = 0; view < header.view_count(); ++view) {
+    const auto distances = mdf.MutableDistance(view);
+    for (int y = 0; y < size; ++y) {
+      for (int x = 0; x < size; ++x) {
+        distances[static_cast<size_t>(y * size + x)] =
+            static_cast<float>(distance(x, y, views[static_cast<size_t>(view)]));
+      }
+    }
+    const auto confidences = mdf.MutableConfidence(view);
+    std::fill(confidences.begin(), confidences.end(), 1.0f);
+  }
+  return mdf;
+}
+
 namespace {
 
 Scene OneLight(Vec3 light) {

@@ -3,6 +3,7 @@
 
 #include <functional>
 
+#include "processing/btf/mdf.h"
 #include "processing/btf/sampled_btf.h"
 #include "renderer/scene/scene.h"
 
@@ -19,6 +20,10 @@ btf::SampledBtf MakeBtf(int width, int height, double pitch_mm, const std::vecto
 // A relief of bumps with texture and a highlight: nothing about it is symmetric.
 btf::SampledBtf MakeBumpyBtf(int size, const std::vector<Vec3>& views,
                              const std::vector<Vec3>& lights);
+
+// distance(x, y, v) mm for every texel and view; h_ref 5 mm, confidence 1.
+btf::Mdf MakeMdf(int size, double pitch_mm, const std::vector<Vec3>& views,
+                 const std::function<double(int, int, Vec3)>& distance);
 
 // One object under one light of irradiance pi.
 Scene TorusScene(Vec3 light);
