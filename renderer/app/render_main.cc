@@ -6,15 +6,18 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "processing/btf/mdf_file.h"
 #include "protocol/base/program.h"
+#include "renderer/app/comparison.h"
 #include "renderer/gl/cpu_check.h"
 #include "renderer/gl/scene_renderer.h"
+#include "renderer/gl/silhouette_check.h"
 
 namespace mesorig::renderer {
 namespace {
 
 struct Options {
-  std::filesystem::path scene, out, btf;
+  std::filesystem::path scene, out, btf, mdf, relief, compare;
   std::string size;
   int frames = 10;
   size_t check = 0;
@@ -76,7 +79,43 @@ StatusOr<Scene> LoadSceneFor(const Options& options) {
     return InvalidArgument("{}: names no BTF (`btf = \"FILE.btf.exr\"`) and --btf is not given",
                            options.scene.string());
   }
+  if (!options.mdf.empty()) scene.mdf_file = options.mdf;
+  if (scene.mdf_file.empty() && scene.Uses(Material::kBtfMdf)) {
+    return InvalidArgument(
+        "{}: an object has the material \"btf+mdf\", but it names no MDF (`mdf = "
+        "\"FILE.mdf.exr\"`) and --mdf is not given",
+        options.scene.string());
+  }
+  if (!options.compare.empty() && options.relief.empty()) {
+    return InvalidArgument("--compare needs --relief");
+  }
   return scene;
+}
+
+// Null where no object has one.
+StatusOr<std::optional<btf::Mdf>> LoadMdf(const Scene& scene) {
+  if (!scene.Uses(Material::kBtfMdf)) return std::nullopt;
+  MESORIG_ASSIGN_OR_RETURN(btf::Mdf mdf, btf::ReadMdf(scene.mdf_file));
+  return mdf;
+}
+
+// The shaders against the CPU.
+Status Check(const Options& options, const Scene& scene, const BtfSource& source,
+             const btf::Mdf* mdf, const SceneRenderer& renderer, nlohmann::json& figures) {
+  MESORIG_ASSIGN_OR_RETURN(const auto fragments, renderer.Probe());
+  const CpuCheck check = CompareWithCpu(scene, source, fragments, options.check);
+  figures["check"] = {{"fragments", check.fragments},
+                      {"rel_error", check.rel_error},
+                      {"max_abs", check.max_abs},
+                      {"cpu_ms", check.cpu_ms}};
+  if (mdf == nullptr) return OkStatus();
+  MESORIG_ASSIGN_OR_RETURN(const SilhouetteCheck silhouettes,
+                           CompareSilhouettesWithCpu(scene, *mdf, fragments, options.check));
+  figures["silhouette_check"] = {{"pixels", silhouettes.pixels},
+                                 {"differing", silhouettes.differing},
+                                 {"worst_margin_mm", silhouettes.worst_margin_mm},
+                                 {"cpu_ms", silhouettes.cpu_ms}};
+  return OkStatus();
 }
 
 void Print(const Options& options, const nlohmann::json& figures) {
@@ -89,6 +128,23 @@ void Print(const Options& options, const nlohmann::json& figures) {
              figures["btf"].get<std::string>(), figures["codec"].get<std::string>());
   fmt::print("{:.2f} ms a frame (median of {}) on {}\n", figures["ms_per_frame"].get<double>(),
              figures["frames"].get<int>(), figures["renderer"].get<std::string>());
+  if (figures.contains("silhouettes")) {
+    fmt::print(
+        "silhouettes from {}: {} peeling passes{}\n", figures["mdf"].get<std::string>(),
+        figures["silhouettes"]["passes"].get<int>(),
+        figures["silhouettes"]["exhausted"].get<bool>() ? ", more were needed (max_passes)" : "");
+  }
+  if (figures.contains("silhouette_iou")) {
+    fmt::print(
+        "silhouettes against the displaced surface, over {} pixels: IoU {:.3f}, BTF only {:.3f}\n",
+        figures["band_pixels"].get<size_t>(), figures["silhouette_iou"].get<double>(),
+        figures["silhouette_iou_btf_only"].get<double>());
+  }
+  if (figures.contains("silhouette_check")) {
+    fmt::print("silhouettes against the CPU over {} pixels: {} differ\n",
+               figures["silhouette_check"]["pixels"].get<size_t>(),
+               figures["silhouette_check"]["differing"].get<size_t>());
+  }
   if (figures.contains("check")) {
     fmt::print("against the CPU over {} fragments: rel_error {:.2e}, largest difference {:.2e}\n",
                figures["check"]["fragments"].get<size_t>(),
@@ -101,10 +157,12 @@ Status Run(const Options& options) {
   MESORIG_ASSIGN_OR_RETURN(const Scene scene, LoadSceneFor(options));
   auto start = std::chrono::steady_clock::now();
   MESORIG_ASSIGN_OR_RETURN(const BtfSource source, BtfSource::Load(scene.btf_file));
+  MESORIG_ASSIGN_OR_RETURN(const std::optional<btf::Mdf> loaded_mdf, LoadMdf(scene));
+  const btf::Mdf* mdf = loaded_mdf ? &*loaded_mdf : nullptr;
   const double load_ms = Milliseconds(start);
   MESORIG_ASSIGN_OR_RETURN(const GlContext context, GlContext::Create());
   start = std::chrono::steady_clock::now();
-  auto created = SceneRenderer::Create(scene, source, context);
+  auto created = SceneRenderer::Create(scene, source, context, mdf);
   if (!created.ok()) return Annotate(created.status(), scene.btf_file.string());
   SceneRenderer renderer = *std::move(created);
   const double upload_ms = Milliseconds(start);
@@ -126,13 +184,23 @@ Status Run(const Options& options) {
                             {"first_frame_ms", timing.first_ms},
                             {"frames", timing.frames},
                             {"ms_per_frame", timing.ms_per_frame}};
+  if (mdf != nullptr) {
+    const SilhouettePasses passes = renderer.silhouette_passes();
+    figures["mdf"] = scene.mdf_file.string();
+    figures["silhouettes"] = {{"passes", passes.passes}, {"exhausted", passes.exhausted}};
+  }
   if (options.check > 0) {
-    MESORIG_ASSIGN_OR_RETURN(const auto fragments, renderer.Probe());
-    const CpuCheck check = CompareWithCpu(scene, source, fragments, options.check);
-    figures["check"] = {{"fragments", check.fragments},
-                        {"rel_error", check.rel_error},
-                        {"max_abs", check.max_abs},
-                        {"cpu_ms", check.cpu_ms}};
+    MESORIG_RETURN_IF_ERROR(Check(options, scene, source, mdf, renderer, figures));
+  }
+  if (!options.relief.empty()) {
+    if (mdf == nullptr) {
+      return InvalidArgument(
+          "--relief compares silhouettes, but no object has the material \"btf+mdf\"");
+    }
+    MESORIG_ASSIGN_OR_RETURN(
+        const nlohmann::json comparison,
+        CompareSilhouettes({scene, source, *mdf, context, options.relief, options.compare}));
+    figures.update(comparison);
   }
   MESORIG_RETURN_IF_ERROR(WritePng(picture, options.out));
   Print(options, figures);
@@ -147,19 +215,36 @@ int main(int argc, char** argv) {
   renderer::Options options;
   CLI::App app(
       "Draws a scene file (scenes/*.toml) to a PNG: objects covered with a measured BTF under\n"
-      "directional lights, and beside them the same with a plain texture. Needs no display; runs\n"
-      "on a software rasteriser where there is no GPU.\n\n"
-      "  mesorig-render scenes/torus.toml --btf sample.view-svd.btf.exr --out torus.png\n");
+      "directional lights, with the silhouettes of its relief where the scene says so (material\n"
+      "\"btf+mdf\"), and beside them the same with a plain texture. Needs no display; runs on a\n"
+      "software rasteriser where there is no GPU.\n\n"
+      "  mesorig-render scenes/torus.toml --btf sample.view-svd.btf.exr --out torus.png\n"
+      "  mesorig-render scenes/silhouette.toml --btf sample.view-svd.btf.exr --mdf sample.mdf.exr "
+      "\\\n"
+      "      --relief sample.obj --compare side-by-side.png --json --out silhouette.png\n\n"
+      "With --relief (the true relief as a mesh) the scene is also ray-traced with its surfaces\n"
+      "really displaced; silhouette_iou and silhouette_iou_btf_only say how near the drawn\n"
+      "silhouettes come, over the pixels between the silhouette of the surface and that of the\n"
+      "surface without the relief's largest depth.\n");
   app.add_option("scene", options.scene, "scene file (TOML)")->required();
   app.add_option("--out", options.out, "picture to write (.png)")->required();
   app.add_option("--btf", options.btf, "BTF file to use instead of the scene's (.btf.exr)");
+  app.add_option("--mdf", options.mdf, "MDF file to use instead of the scene's (.mdf.exr)");
+  app.add_option("--relief", options.relief,
+                 "relief of the sample (Wavefront OBJ of triangles, mm, sample frame): trace the "
+                 "displaced surface and compare silhouettes");
+  app.add_option("--compare", options.compare,
+                 "picture to write with --relief (.png): BTF only, BTF and MDF, traced, and a part "
+                 "of each enlarged");
   app.add_option("--size", options.size, "WIDTHxHEIGHT in pixels instead of the scene's");
   app.add_option("--frames", options.frames,
                  "frames to time after the first; ms_per_frame is their median")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
-  app.add_option("--check", options.check,
-                 "evaluate this many fragments on the CPU too and print the shader's error")
+  app.add_option(
+         "--check", options.check,
+         "evaluate this many fragments (and silhouette pixels) on the CPU too and print the "
+         "shaders' error")
       ->check(CLI::Range(0, 10000000));
   app.add_flag("--json", options.json, "print the figures as JSON");
   return RunProgram(app, "mesorig-render", argc, argv, [&] { return renderer::Run(options); });
