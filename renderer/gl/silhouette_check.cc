@@ -10,7 +10,8 @@
 namespace mesorig::renderer {
 namespace {
 
-constexpr double kFlattest = 1e-3;
+// As in shaders/mdf.glsl.
+constexpr double kFlattest = 1e-3, kFlat = 0.04;
 constexpr int kBendSteps = 8;
 
 int Wrapped(double index, int size) {
@@ -168,7 +169,7 @@ double CpuSilhouette::DistanceAlong(double u, double v, Vec3 toward) const {
 
 double CpuSilhouette::Descend(const Crossing& from, const Crossing& other, double chord) const {
   double t = DistanceAlong(from.u, from.v, from.toward);
-  if (!(chord > 0) || !scene_.silhouettes.follow_curvature) return t;
+  if (!(t > kFlat * chord) || !(chord > 0) || !scene_.silhouettes.follow_curvature) return t;
   for (int i = 0; i < kBendSteps; ++i) {
     const double s = std::min(t / chord, 0.5);
     const double slope = (1 - s) * ((1 - s) * from.cosine + s * other.cosine) / from.cosine;

@@ -22,6 +22,7 @@ enum Location : GLint {
   kSampleMmPerMm = 16,
   kStepMm = 17,
   kBendStepCount = 18,
+  kLargestDistance = 19,
 };
 
 GlTexture MakeTexture(GLenum format, int width, int height) {
@@ -184,6 +185,11 @@ StatusOr<Silhouettes> Silhouettes::Create(const btf::Mdf& mdf, const Scene& scen
   const GLuint front = result.front_.name();
   glProgramUniform1f(front, kStepMm, static_cast<float>(StepMm(scene.silhouettes, header)));
   glProgramUniform1i(front, kBendStepCount, scene.silhouettes.follow_curvature ? kBendSteps : 0);
+  float largest = 0;
+  for (int view = 0; view < header.view_count(); ++view) {
+    for (const float distance : mdf.Distance(view)) largest = std::max(largest, distance);
+  }
+  glProgramUniform1f(front, kLargestDistance, largest);
   MESORIG_RETURN_IF_ERROR(CheckGl("the MDF's tables"));
   return result;
 }

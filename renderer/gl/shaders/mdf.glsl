@@ -15,11 +15,13 @@ layout(location = 3) uniform vec3 eye;                 // world, mm
 layout(location = 16) uniform vec2 sample_mm_per_mm;   // mm of the sample a mm of the texture
 layout(location = 17) uniform float step_mm;           // of the sample
 layout(location = 18) uniform int bend_steps;          // 0: straight rays
+layout(location = 19) uniform float largest_distance;  // of the MDF, mm of the sample
 
 layout(binding = 0) uniform sampler2DArray mdf_layers;  // D v.z of every measured view, mm
 
 const float kNone = 1e30;        // no crossing
 const float kHere = 1e-4;        // crossings nearer than this part of their distance are one
+const float kFlat = 0.04;        // part of a chord along which rays are straight
 const float kFlattest = 1e-3;    // cosine below which the interpolated normals say nothing
 
 bool IsBeyond(float t, float layer) { return t > layer + kHere * abs(layer); }
@@ -99,10 +101,17 @@ float DistanceAlong(vec2 uv, vec3 toward) {
   return DepthBetween(uv, views) / (views.direction.z * stretched);
 }
 
+// No DistanceAlong is more, however the ray bends (its component along the surface stays).
+float LargestDistance(vec3 toward) {
+  float along = length(toward.xy);
+  return along > 0.0 ? largest_distance / along : kNone;
+}
+
 // Distance to the relief from one end of an interval of length `chord`.
 float Descend(Crossing c, float cosine_at_other_end, float chord) {
   float t = DistanceAlong(c.uv, c.toward);
-  if (!(chord > 0.0)) return t;
+  // Far from the other end the surface under the ray is as good as flat.
+  if (!(t > kFlat * chord) || !(chord > 0.0)) return t;
   for (int i = 0; i < bend_steps; ++i) {
     float s = min(t / chord, 0.5);
     float slope = (1.0 - s) * ((1.0 - s) + s * cosine_at_other_end / c.cosine);

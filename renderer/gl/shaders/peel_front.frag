@@ -20,8 +20,10 @@ void main() {
   float chord = closed ? max(far.x - t, 0.0) : 0.0;
   float d_front = Descend(front, far.w, chord);
   float d_back = 0.0;
-  if (closed) {
-    Crossing back = Crossing(far.x, far.yz, far.w, texelFetch(toward, pixel, 0).xyz);
+  vec3 back_toward = texelFetch(toward, pixel, 0).xyz;
+  // (Most pixels lie far within the silhouette: it is enough that d_back cannot be too large.)
+  if (closed && !(d_front + LargestDistance(back_toward) <= chord)) {
+    Crossing back = Crossing(far.x, far.yz, far.w, back_toward);
     d_back = Descend(back, front.cosine, chord);
   }
   if (!(d_front + d_back <= chord)) discard;

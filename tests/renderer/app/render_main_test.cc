@@ -8,8 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "processing/btf/btf_file.h"
+#include "processing/btf/mdf_file.h"
 #include "protocol/base/file_writer.h"
 #include "renderer/gl/context.h"
+#include "tests/renderer/gl/domes.h"
 #include "tests/renderer/gl/synthetic.h"
 
 namespace mesorig::renderer {
@@ -67,6 +69,31 @@ minor_radius_mm = 20
         btf::WriteSampledBtf(MakeBumpyBtf(8, Rings(1, 0.5), Rings(1, 0.5)), Path("bumpy.btf.exr"))
             .ok());
   }
+  // Files of the domes and a torus that wears them.
+  void WriteDomes() const {
+    ASSERT_TRUE(
+        btf::WriteSampledBtf(DomesBtf(8, {{0, 0, 1}}, {{0, 0, 1}}), Path("d.btf.exr")).ok());
+    ASSERT_TRUE(
+        btf::WriteMdf(DomesMdf(32, Rings(RadFromDeg(75), RadFromDeg(15))), Path("d.mdf.exr")).ok());
+    ASSERT_TRUE(WriteFileAtomically(Path("d.obj"), DomesObj(80)).ok());
+    ASSERT_TRUE(WriteFileAtomically(Path("domes.toml"), R"(btf = "d.btf.exr"
+[image]
+width_px = 160
+height_px = 120
+msaa = 1
+[camera]
+eye_mm = [0, -250, 200]
+[[light]]
+direction = [1, 0, 1]
+[[object]]
+shape = "torus"
+material = "btf+mdf"
+major_radius_mm = 46
+minor_radius_mm = 23
+mm_per_unit = 40
+)")
+                    .ok());
+  }
   std::filesystem::path folder_;
 };
 
@@ -85,6 +112,60 @@ TEST_F(RenderMainTest, DrawsAndReports) {
   EXPECT_FALSE(figures["renderer"].get<std::string>().empty());
   EXPECT_LT(figures["check"]["rel_error"].get<double>(), 2e-3);
   EXPECT_TRUE(std::filesystem::exists(Path("out.png")));
+}
+
+TEST_F(RenderMainTest, ComparesSilhouettesWithTheDisplacedSurface) {
+  const auto context = GlContext::Create();
+  if (!context.ok()) GTEST_SKIP() << context.status();
+  WriteDomes();
+  const std::string scene = Path("domes.toml") + " --out " + Path("out.png") + " --frames 1";
+  const Outcome outcome =
+      RunRender(scene + " --mdf " + Path("d.mdf.exr") + " --relief " + Path("d.obj") +
+                " --compare " + Path("out_compare.png") + " --check 300 --json");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  const auto figures = nlohmann::json::parse(outcome.output);
+  EXPECT_GT(figures["silhouette_iou"].get<double>(),
+            figures["silhouette_iou_btf_only"].get<double>() + 0.2);
+  EXPECT_GT(figures["band_pixels"].get<int>(), 300);
+  EXPECT_GE(figures["silhouettes"]["passes"].get<int>(), 1);
+  EXPECT_EQ(figures["silhouettes"]["exhausted"], false);
+  EXPECT_NEAR(figures["relief_depth_mm"].get<double>(), kDomesReference - kDomesLowest, 0.05);
+  EXPECT_LE(figures["silhouette_check"]["differing"].get<int>(), 2);
+  EXPECT_GT(figures["ms_per_frame"].get<double>(), 0);
+  EXPECT_TRUE(std::filesystem::exists(Path("out.png")));
+  EXPECT_TRUE(std::filesystem::exists(Path("out_compare.png")));
+}
+
+TEST_F(RenderMainTest, BadSilhouetteInputIsExit2) {
+  const auto context = GlContext::Create();
+  if (!context.ok()) GTEST_SKIP() << context.status();
+  WriteDomes();
+  btf::SampledBtf other = DomesBtf(8, {{0, 0, 1}}, {{0, 0, 1}});
+  other.mutable_header().h_ref_mm = 3;
+  ASSERT_TRUE(btf::WriteSampledBtf(other, Path("other.btf.exr")).ok());
+  ASSERT_TRUE(WriteFileAtomically(Path("bad.obj"), "v 1 2 x\n").ok());
+  ASSERT_TRUE(WriteFileAtomically(Path("bad.mdf.exr"), "nothing").ok());
+  const std::string out = " --out " + Path("out.png"), mdf = " --mdf " + Path("d.mdf.exr");
+  const struct {
+    std::string arguments, what;
+  } cases[] = {
+      {Path("domes.toml") + out, "--mdf is not given"},
+      {Path("domes.toml") + out + " --mdf " + Path("none.mdf.exr"), "none.mdf.exr"},
+      {Path("domes.toml") + out + " --mdf " + Path("bad.mdf.exr"), "bad.mdf.exr"},
+      {Path("domes.toml") + out + mdf + " --relief " + Path("bad.obj"), "bad.obj:1"},
+      {Path("domes.toml") + out + mdf + " --relief " + Path("none.obj"), "none.obj"},
+      {Path("domes.toml") + out + mdf + " --compare " + Path("out2.png"), "--relief"},
+      {Path("scene.toml") + out + mdf + " --btf " + Path("d.btf.exr") + " --relief " +
+           Path("d.obj"),
+       "btf+mdf"},
+      {Path("domes.toml") + out + mdf + " --btf " + Path("other.btf.exr"), "reference plane"},
+  };
+  for (const auto& c : cases) {
+    const Outcome outcome = RunRender(c.arguments + " --frames 1");
+    EXPECT_EQ(outcome.exit_code, 2) << c.arguments << "\n" << outcome.output;
+    EXPECT_THAT(outcome.output, HasSubstr(c.what)) << c.arguments;
+    EXPECT_FALSE(OutputLeft());
+  }
 }
 
 TEST_F(RenderMainTest, BadInputIsExit2OneLineAndNoPicture) {
@@ -123,7 +204,8 @@ TEST_F(RenderMainTest, WithoutADriverItSaysSo) {
 TEST_F(RenderMainTest, HelpNamesWhatANewcomerNeeds) {
   const Outcome outcome = RunRender("--help");
   EXPECT_EQ(outcome.exit_code, 0);
-  for (const char* word : {"scene", "--out", "--btf", "--frames", "--json"}) {
+  for (const char* word :
+       {"scene", "--out", "--btf", "--mdf", "--relief", "--compare", "--frames", "--json"}) {
     EXPECT_THAT(outcome.output, HasSubstr(word));
   }
 }

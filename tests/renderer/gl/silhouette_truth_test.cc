@@ -9,50 +9,11 @@
 #include "renderer/gl/scene_renderer.h"
 #include "renderer/tracer/silhouette_figures.h"
 #include "renderer/tracer/tracer.h"
+#include "tests/renderer/gl/domes.h"
 #include "tests/renderer/gl/synthetic.h"
 
 namespace mesorig::renderer {
 namespace {
-
-constexpr double kSize = 40, kReference = 5, kLowest = 1.2;
-
-// mm above the sample's support; repeats every 40 mm. Domes with steep rims between low waves.
-double Height(double x, double y) {
-  double h = kLowest + 0.4 * (1 - std::cos(2 * kPi * x / 20) * std::cos(2 * kPi * y / 10)) / 2;
-  const auto dome = [&](double cx, double cy, double radius, double height) {
-    const double dx = std::remainder(x - cx, kSize), dy = std::remainder(y - cy, kSize);
-    const double r = std::hypot(dx, dy) / radius;
-    if (r < 1) h = std::max(h, kLowest + height * std::sqrt(1 - r * r * r * r));
-  };
-  dome(-12, 11, 5, 3.6);
-  dome(6, 13, 4, 2.8);
-  dome(12, -4, 5.5, 3.3);
-  dome(-6, -7, 4.5, 3.0);
-  dome(-15, -15, 3, 3.6);
-  dome(4, -16, 3.5, 2.4);
-  return h;
-}
-
-// The exact D: along p - t v until the height field is reached, then halved.
-double Distance(double x, double y, Vec3 v) {
-  const auto above = [&](double t) {
-    return kReference - t * v.z > Height(x - t * v.x, y - t * v.y);
-  };
-  double near = 0, far = 0;
-  while (above(far)) {
-    near = far;
-    far += 0.08;
-  }
-  for (int i = 0; i < 12; ++i) (above((near + far) / 2) ? near : far) = (near + far) / 2;
-  return far;
-}
-
-btf::Mdf ExactMdf(int size, const std::vector<Vec3>& views) {
-  const double pitch = kSize / size;
-  return MakeMdf(size, pitch, views, [=](int x, int y, Vec3 v) {
-    return Distance((x + 0.5 - size / 2.0) * pitch, (size / 2.0 - y - 0.5) * pitch, v);
-  });
-}
 
 Scene ReliefTorus() {
   Scene scene = TorusScene({0.3, -0.5, 1});
@@ -78,13 +39,13 @@ class SilhouetteTruthTest : public testing::Test {
   std::vector<uint8_t> Traced(const Scene& scene, const HeightFunction& height, double edge_mm) {
     std::vector<SurfaceMesh> surfaces;
     for (const Object& object : scene.objects) {
-      surfaces.push_back(*DisplaceSurface(object, *ScaleTexture(object, kSize, 1), {kSize, kSize},
-                                          height, edge_mm));
+      surfaces.push_back(*DisplaceSurface(object, *ScaleTexture(object, kDomesSize, 1),
+                                          {kDomesSize, kDomesSize}, height, edge_mm));
     }
     return Tracer::Create(std::move(surfaces))->Mask(scene);
   }
   std::vector<uint8_t> Drawn(const Scene& scene, const btf::Mdf& mdf) {
-    auto source = BtfSource::FromSampled(MakeBtf(1, 1, kSize, {{0, 0, 1}}, {{0, 0, 1}},
+    auto source = BtfSource::FromSampled(MakeBtf(1, 1, kDomesSize, {{0, 0, 1}}, {{0, 0, 1}},
                                                  [](int, int, Vec3, Vec3 l) { return 0.2 * l.z; }));
     auto renderer = SceneRenderer::Create(scene, *source, *context_, &mdf);
     EXPECT_TRUE(renderer.ok()) << renderer.status();
@@ -102,16 +63,16 @@ TEST_F(SilhouetteTruthTest, TheReliefsSilhouetteIsSeen) {
   Scene scene = ReliefTorus();
   const auto base = Traced(scene, nullptr, 1000);
   const auto shrunk = Traced(
-      scene, [](double, double) { return kLowest - kReference; }, 1000);
+      scene, [](double, double) { return kDomesLowest - kDomesReference; }, 1000);
   const auto truth = Traced(
-      scene, [](double x, double y) { return Height(x, y) - kReference; }, 0.5);
+      scene, [](double x, double y) { return DomesHeight(x, y) - kDomesReference; }, 0.5);
   const auto iou = [&](const std::vector<uint8_t>& drawn) {
     const auto figures = CompareInBand(base, shrunk, truth, drawn);
     EXPECT_TRUE(figures.ok()) << figures.status();
     return figures->iou;
   };
   const double btf_only = iou(base);
-  const btf::Mdf mdf = ExactMdf(48, Rings(RadFromDeg(75), RadFromDeg(12)));
+  const btf::Mdf mdf = DomesMdf(48, Rings(RadFromDeg(75), RadFromDeg(12)));
   const double with_mdf = iou(Drawn(scene, mdf));
   scene.silhouettes.follow_curvature = false;
   const double straight = iou(Drawn(scene, mdf));
