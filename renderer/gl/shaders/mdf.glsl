@@ -107,17 +107,35 @@ float LargestDistance(vec3 toward) {
   return along > 0.0 ? largest_distance / along : kNone;
 }
 
-// Distance to the relief from one end of an interval of length `chord`.
-float Descend(Crossing c, float cosine_at_other_end, float chord) {
-  float t = DistanceAlong(c.uv, c.toward);
-  // Far from the other end the surface under the ray is as good as flat.
-  if (!(t > kFlat * chord) || !(chord > 0.0)) return t;
-  for (int i = 0; i < bend_steps; ++i) {
-    float s = min(t / chord, 0.5);
-    float slope = (1.0 - s) * ((1.0 - s) + s * cosine_at_other_end / c.cosine);
-    float next = DistanceAlong(c.uv, vec3(c.toward.xy, c.toward.z * slope));
-    if (abs(next - t) <= 2e-3 * t) return next;
+// d_f + d_b <= chord. One loop for both ends, front first: a rasteriser in software runs through
+// every branch, but leaves a loop.
+bool IsHit(Crossing front, Crossing back, bool closed, float chord, out float d_front) {
+  Crossing end = front;
+  float other_cosine = back.cosine, slope = 1.0, t = 0.0;
+  int bends = 0;
+  bool at_back = false;
+  d_front = 0.0;
+  for (int i = 0; i < 2 * (bend_steps + 1); ++i) {
+    float next = DistanceAlong(end.uv, vec3(end.toward.xy, end.toward.z * slope));
+    // Far from the other end the surface under the ray is as good as flat.
+    bool settled = bends == 0 ? !(next > kFlat * chord) : abs(next - t) <= 2e-3 * t;
     t = next;
+    if (!settled && bends < bend_steps && chord > 0.0) {
+      float s = min(t / chord, 0.5);
+      slope = (1.0 - s) * ((1.0 - s) + s * other_cosine / end.cosine);
+      ++bends;
+      continue;
+    }
+    if (at_back) return d_front + t <= chord;
+    d_front = t;
+    if (!(d_front <= chord)) return false;
+    // Most pixels lie far within the silhouette: it is enough that d_b cannot be too large.
+    if (!closed || d_front + LargestDistance(back.toward) <= chord) return true;
+    at_back = true;
+    end = back;
+    other_cosine = front.cosine;
+    slope = 1.0;
+    bends = 0;
   }
-  return t;
+  return false;
 }

@@ -18,14 +18,8 @@ void main() {
   // the reference surface is hit.
   bool closed = far.x < kNone;
   float chord = closed ? max(far.x - t, 0.0) : 0.0;
-  float d_front = Descend(front, far.w, chord);
-  float d_back = 0.0;
-  vec3 back_toward = texelFetch(toward, pixel, 0).xyz;
-  // (Most pixels lie far within the silhouette: it is enough that d_back cannot be too large.)
-  if (closed && !(d_front + LargestDistance(back_toward) <= chord)) {
-    Crossing back = Crossing(far.x, far.yz, far.w, back_toward);
-    d_back = Descend(back, front.cosine, chord);
-  }
-  if (!(d_front + d_back <= chord)) discard;
+  Crossing back = Crossing(far.x, far.yz, far.w, texelFetch(toward, pixel, 0).xyz);
+  float d_front;
+  if (!IsHit(front, back, closed, chord, d_front)) discard;
   out_hit = vec4(float(gl_PrimitiveID + 1), d_front, 0.0, 0.0);
 }

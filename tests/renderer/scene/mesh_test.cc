@@ -88,6 +88,36 @@ TEST(MeshTest, TheTopOfASlabLiesUprightAroundItsCentre) {
   }
 }
 
+// On a torus d(surface)/d(texture) is (1 + (r/R) cos phi) along it and 1 around it. (At the seams
+// the triangles of one side only count: half a segment, 0.044 rad.)
+TEST(MeshTest, StretchOfATorusIsThatOfItsFormula) {
+  const Mesh mesh = MakeTorus(50, 20, 144, 72);
+  const std::vector<Stretch> stretch = StretchOf(mesh);
+  ASSERT_EQ(stretch.size(), mesh.vertices.size());
+  for (size_t i = 0; i < stretch.size(); ++i) {
+    const Vertex& v = mesh.vertices[i];
+    const double along = 1 + 0.4 * std::cos(v.texture_mm[1] / 20);
+    const Vec3 normal = At(v.normal), tangent = At(v.tangent);
+    ASSERT_LT(Norm(At(stretch[i].along_x) - along * tangent), 0.05);
+    ASSERT_LT(Norm(At(stretch[i].along_y) - Cross(normal, tangent)), 0.05);
+    ASSERT_NEAR(HeightScale(stretch[i]), std::sqrt(along), 0.02);
+  }
+}
+
+TEST(MeshTest, StretchWithoutTextureAreaIsZero) {
+  Mesh mesh = MakeSlab({10, 10, 10}, 5);  // a ball: some triangles have no area
+  for (const Stretch& s : StretchOf(mesh)) {
+    ASSERT_TRUE(std::isfinite(HeightScale(s)));
+    ASSERT_GT(HeightScale(s), 0.3);
+  }
+  for (Vertex& v : mesh.vertices) v.texture_mm[0] = 3 * v.texture_mm[1];  // a line
+  for (const Stretch& s : StretchOf(mesh)) {
+    EXPECT_EQ(HeightScale(s), 0);
+    EXPECT_EQ(Norm(At(s.along_x)), 0);
+  }
+  EXPECT_TRUE(StretchOf(Mesh()).empty());
+}
+
 TEST(MeshTest, TextureScale) {
   Object torus;
   torus.shape = Shape::kTorus;

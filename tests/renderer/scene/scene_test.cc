@@ -89,6 +89,34 @@ TEST(SceneTest, ErrorsNameFileLineAndColumn) {
   }
 }
 
+TEST(SceneTest, ReadsSilhouettes) {
+  const auto plain = Parse(kScene);
+  ASSERT_TRUE(plain.ok());
+  EXPECT_TRUE(plain->mdf_file.empty());
+  EXPECT_FALSE(plain->Uses(Material::kBtfMdf));
+  EXPECT_EQ(plain->silhouettes.max_passes, 8);
+  EXPECT_TRUE(plain->silhouettes.follow_curvature);
+  EXPECT_LT(plain->silhouettes.step_mm, 0);
+  std::string text = Changed("material = \"plain\"", "material = \"btf+mdf\"");
+  text = "mdf = \"../m.mdf.exr\"\n" + text +
+         "[silhouettes]\nmax_passes = 3\nfollow_curvature = false\nstep_mm = 0.5\n";
+  const auto scene = Parse(text);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ(scene->mdf_file, "/m.mdf.exr");
+  EXPECT_EQ(scene->objects[1].material, Material::kBtfMdf);
+  EXPECT_EQ(scene->silhouettes.max_passes, 3);
+  EXPECT_FALSE(scene->silhouettes.follow_curvature);
+  EXPECT_DOUBLE_EQ(scene->silhouettes.step_mm, 0.5);
+  for (const char* bad : {"max_passes = 0", "max_passes = 65", "max_passes = 1.5", "step_mm = -1",
+                          "step_mm = nan", "follow_curvature = 1", "passes = 3"}) {
+    const auto refused = Parse(std::string(kScene) + "[silhouettes]\n" + bad + "\n");
+    ASSERT_FALSE(refused.ok()) << bad;
+    EXPECT_THAT(std::string(Message(refused.status())), HasSubstr("s.toml:22:")) << bad;
+  }
+  EXPECT_FALSE(Parse(Changed("material = \"plain\"", "material = \"mdf\"")).ok());
+  EXPECT_FALSE(Parse("mdf = 3\n" + std::string(kScene)).ok());
+}
+
 TEST(SceneTest, NeedsALightAndAnObject) {
   EXPECT_FALSE(Parse("[camera]\neye_mm = [0, 0, 9]\nup = [0, 1, 0]\n").ok());
   EXPECT_EQ(LoadScene("/nowhere.toml").status().code(), absl::StatusCode::kNotFound);
@@ -133,7 +161,7 @@ TEST(SceneTest, ShippedScenesAreValid) {
     EXPECT_TRUE(scene.ok()) << scene.status();
     ++count;
   }
-  EXPECT_GE(count, 3);
+  EXPECT_GE(count, 4);
 }
 
 // Golden: camera at (0, 0, 100) looking down, up +y, 90 degrees high: the picture's upper edge is
