@@ -1,6 +1,6 @@
-#include <CLI/CLI.hpp>
 #include <fmt/ranges.h>
 
+#include <CLI/CLI.hpp>
 #include <memory>
 
 #include "protocol/base/bytes.h"
@@ -19,8 +19,8 @@ struct InjectOptions {
   std::vector<std::string> words;
 };
 
-// What the words stand for: one injection each. `operator remount MOUNT` is the operator's part of a
-// remount, from opening the door to the reset.
+// What the words stand for: one injection each. `operator remount MOUNT` is the operator's part of
+// a remount, from opening the door to the reset.
 StatusOr<std::vector<std::string>> Injections(const std::vector<std::string>& words) {
   const std::string text = fmt::format("{}", fmt::join(words, " "));
   constexpr std::string_view kOperator = "operator ", kRemount = "operator remount ";
@@ -59,7 +59,10 @@ Status Inject(const InjectOptions& options) {
                            sim_wire::Connect(endpoint.substr(std::string("unix:").size())));
   const auto role = static_cast<uint8_t>(sim_wire::Role::kInjector);
   std::string bytes;
-  sim_wire::AppendMessage({MessageType::kHello, 0, 0, {},
+  sim_wire::AppendMessage({MessageType::kHello,
+                           0,
+                           0,
+                           {},
                            ByteWriter().Put(sim_wire::kProtocolVersion).Put(role).Take()},
                           bytes);
   MESORIG_RETURN_IF_ERROR(sim_wire::SendAll(fd.get(), bytes, kTimeoutMs));

@@ -1,5 +1,5 @@
-// mesorig-sim truth: the exact BTF or MDF of a sample, at the texels and directions of a file, and its
-// relief as a mesh.
+// mesorig-sim truth: the exact BTF or MDF of a sample, at the texels and directions of a file, and
+// its relief as a mesh.
 
 #include <unistd.h>
 
@@ -113,20 +113,17 @@ Status MdfTruth(const TruthArguments& arguments, const world::Sample& sample,
   const btf::MdfHeader& header = truth->mdf.header();
   if (arguments.json) {
     const nlohmann::json figures = {
-        {"out", arguments.out},
-        {"width", header.width},
-        {"height", header.height},
-        {"views", header.view_count()},
-        {"missed", truth->missed},
-        {"trace_s", truth->seconds},
+        {"out", arguments.out},          {"width", header.width},   {"height", header.height},
+        {"views", header.view_count()},  {"missed", truth->missed}, {"trace_s", truth->seconds},
         {"wall_s", SecondsSince(start)},
     };
     fmt::print("{}\n", figures.dump(2));
     return OkStatus();
   }
-  fmt::print("{}: {} x {} texels, {} views; {} rays pass by the sample; {:.2f} s ({:.2f} s in all)\n",
-             arguments.out, header.width, header.height, header.view_count(), truth->missed,
-             truth->seconds, SecondsSince(start));
+  fmt::print(
+      "{}: {} x {} texels, {} views; {} rays pass by the sample; {:.2f} s ({:.2f} s in all)\n",
+      arguments.out, header.width, header.height, header.view_count(), truth->missed,
+      truth->seconds, SecondsSince(start));
   return OkStatus();
 }
 
@@ -162,11 +159,13 @@ Status RunTruth(const TruthArguments& arguments) {
 Command AddTruthCommand(CLI::App& app) {
   auto arguments = std::make_shared<TruthArguments>();  // shared by the options and the run
   CLI::App* truth = app.add_subcommand(
-      "truth", "Write the exact values of a sample at the texels and directions of a BTF or MDF file, or "
-               "its relief as a mesh");
+      "truth",
+      "Write the exact values of a sample at the texels and directions of a BTF or MDF file, or "
+      "its relief as a mesh");
   truth->add_option("--sample", arguments->sample, "sample file, e.g. rigs/samples/weave.toml")
       ->required();
-  truth->add_option("--like", arguments->like, "BTF or MDF file whose texels, directions and presence count");
+  truth->add_option("--like", arguments->like,
+                    "BTF or MDF file whose texels, directions and presence count");
   truth->add_option("--out", arguments->out, "file to write, of the same kind");
   truth->add_option("--mesh", arguments->mesh,
                     "Wavefront OBJ to write: the triangles that rays meet, mm, sample frame");
@@ -174,8 +173,9 @@ Command AddTruthCommand(CLI::App& app) {
       ->check(CLI::Range(1, 64));
   truth->add_option("--threads", arguments->threads, "threads (default 2)")
       ->check(CLI::Range(1, 256));
-  truth->add_flag("--nominal", arguments->nominal,
-                  "BTF: take the file's directions everywhere, as if cameras and lamps were far away");
+  truth->add_flag(
+      "--nominal", arguments->nominal,
+      "BTF: take the file's directions everywhere, as if cameras and lamps were far away");
   truth->add_flag("--json", arguments->json, "print figures as JSON");
   return {truth, [arguments] { return RunTruth(*arguments); }};
 }

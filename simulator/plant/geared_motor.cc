@@ -75,8 +75,9 @@ RigTime GearedMotor::WhenAt(double angle_rad) const {
   const auto there = [&](RigTime t) { return sign * (move.Angle(t) - angle_rad) >= 0; };
   if (there(move.start)) return move.start;
   // Not there at the start, it gets there once: v t outgrows whatever the run-up takes away.
-  const double latest = (std::abs(angle_rad - move.angle) +
-                         std::abs(move.speed - v) * move.time_constant_s) / std::abs(v);
+  const double latest =
+      (std::abs(angle_rad - move.angle) + std::abs(move.speed - v) * move.time_constant_s) /
+      std::abs(v);
   RigTime low = move.start, high = move.start + FromSeconds(latest) + RigTime(1);
   if (!(latest < 1e8)) return kNever;  // three years
   while (high - low > RigTime(1)) {

@@ -6,8 +6,8 @@
 //
 // Commanded to stand (v = 0), friction holds it as soon as it is slower than kStandstill_rad_s. The
 // driven side lies within half the play of the motor's angle and moves only when it is pushed (the
-// play operator): what it does depends on the way the motor came. Radians of the motor; times are the
-// rig's, of which only differences count. A value, reentrant.
+// play operator): what it does depends on the way the motor came. Radians of the motor; times are
+// the rig's, of which only differences count. A value, reentrant.
 
 #include <deque>
 

@@ -137,9 +137,8 @@ CameraImages::Sweep& CameraImages::SweepOf(int camera, int mount,
     }
   }
   Sweep sweep{camera, mount, axis_rad, false, nullptr};
-  sweep.blocked =
-      BlockedBy(rig_, WorldFromCamera(rig_, camera, axis_rad).translation, axis_rad) ||
-      BlockedBy(rig_, LaserInWorld(rig_, mount, axis_rad).source, axis_rad);
+  sweep.blocked = BlockedBy(rig_, WorldFromCamera(rig_, camera, axis_rad).translation, axis_rad) ||
+                  BlockedBy(rig_, LaserInWorld(rig_, mount, axis_rad).source, axis_rad);
   if (!sweep.blocked) {
     const View& view = ViewOf(camera, SampleFromCamera(rig_, camera, axis_rad));
     sweep.sheet = std::make_unique<LaserSheet>(rig_.cameras[camera], *rig_.laser,

@@ -4,12 +4,12 @@
 // protocol/rig.
 //
 // First hits depend only on where a camera stands over the sample; they are kept and serve all
-// lamps, exposures, light arc angles and laser sheets of one turntable position. A lamp's picture at
-// full level is kept as well, for exposure brackets and repeats; of a laser at one place what its
-// sheets have met (LaserSheet). What is not the sample (arcs, housings) is black; the turntable
-// around it is a diffuse disc at z = 0 that only the laser lights: in the light of lamps it is black
-// too. A lamp, laser or camera that a solid hides from part of the sample's disc (BlockedBy) is
-// hidden from all of it.
+// lamps, exposures, light arc angles and laser sheets of one turntable position. A lamp's picture
+// at full level is kept as well, for exposure brackets and repeats; of a laser at one place what
+// its sheets have met (LaserSheet). What is not the sample (arcs, housings) is black; the turntable
+// around it is a diffuse disc at z = 0 that only the laser lights: in the light of lamps it is
+// black too. A lamp, laser or camera that a solid hides from part of the sample's disc (BlockedBy)
+// is hidden from all of it.
 //
 // Owned by one thread; uses `threads` of its own inside a call. Borrows rig and world.
 
@@ -29,9 +29,9 @@
 namespace mesorig::world {
 
 struct LaserState {
-  int mount = 0;         // index into Laser::mounts
-  double level = 0;      // mean over the exposure, 0..1
-  double tilt_rad = 0;   // where the emitter really points, at mid-exposure
+  int mount = 0;        // index into Laser::mounts
+  double level = 0;     // mean over the exposure, 0..1
+  double tilt_rad = 0;  // where the emitter really points, at mid-exposure
 };
 
 struct RigState {
@@ -52,8 +52,8 @@ class CameraImages {
       : rig_(rig), world_(world), options_(options) {}
 
   // Electrons of the region's pixels (of the whole sensor without one), row by row; a Bayer pixel
-  // sees its own colour. InvalidArgument for a camera, number of axes or lamps, mount or region that
-  // the rig has not, an angle that is not finite, a level outside 0..1 or an exposure that is
+  // sees its own colour. InvalidArgument for a camera, number of axes or lamps, mount or region
+  // that the rig has not, an angle that is not finite, a level outside 0..1 or an exposure that is
   // negative or not finite.
   StatusOr<std::vector<float>> ExpectedElectrons(int camera, const RigState& state,
                                                  double exposure_s,

@@ -125,8 +125,7 @@ size_t LaserSheet::LightUp(const World& world, const ViewHits& view, double tilt
         const auto k = h - i;
         const Vec3 d = Vec3{block.x[k], block.y[k], block.z[k]} - pose_.source;
         const int width = camera_.width, pixel = static_cast<int>(hit.pixel);
-        const double seen =
-            laser_.response[ChannelOfPixel(camera_, pixel % width, pixel / width)];
+        const double seen = laser_.response[ChannelOfPixel(camera_, pixel % width, pixel / width)];
         hit.peak = static_cast<float>(strength * seen * Norm(d) * response.value[0][k]);
       }
       count += end - i;

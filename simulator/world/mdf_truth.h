@@ -1,6 +1,7 @@
 #pragma once
-// The exact mesostructure distance function of a sample (Wang et al. 2005, Sec. 3, Fig. 2): from the
-// texel's centre p on the reference plane the ray along -v meets the sample's triangles at p - D v.
+// The exact mesostructure distance function of a sample (Wang et al. 2005, Sec. 3, Fig. 2): from
+// the texel's centre p on the reference plane the ray along -v meets the sample's triangles at p -
+// D v.
 //
 // A ray that passes by the sample ends on the turntable, z = 0: its D = h_ref / v.z is written with
 // confidence 0, because nothing of the sample is met there; all others have confidence 1.
@@ -19,9 +20,9 @@ struct MdfTruth {
   double seconds = 0;
 };
 
-// At the header's texel centres, along its nominal view directions everywhere. `progress` is optional,
-// called between views. InvalidArgument when the header is not valid or the relief rises above its
-// reference plane.
+// At the header's texel centres, along its nominal view directions everywhere. `progress` is
+// optional, called between views. InvalidArgument when the header is not valid or the relief rises
+// above its reference plane.
 StatusOr<MdfTruth> ComputeMdfTruth(const World& world, const btf::MdfHeader& header, int threads,
                                    const std::function<void(double fraction)>& progress = {});
 

@@ -19,15 +19,15 @@ struct SurfaceHit {
 };
 
 struct TriangleMesh {
-  std::vector<std::array<float, 3>> vertices;  // mm, sample frame
+  std::vector<std::array<float, 3>> vertices;      // mm, sample frame
   std::vector<std::array<unsigned, 3>> triangles;  // counter-clockwise from above
 };
 
 // Immutable after construction; all functions are reentrant.
 class World {
  public:
-  // InvalidArgument when the extent or grid is not positive or makes more than 4096 cells a side, or
-  // a height is negative or not finite. Internal when Embree fails.
+  // InvalidArgument when the extent or grid is not positive or makes more than 4096 cells a side,
+  // or a height is negative or not finite. Internal when Embree fails.
   static StatusOr<std::unique_ptr<World>> Build(Surface surface);
   ~World();
   World(const World&) = delete;

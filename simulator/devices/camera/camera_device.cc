@@ -77,11 +77,10 @@ StatusOr<std::string> CameraDevice::AccessRegion(const sim_wire::CameraAccess& a
     const int low = is_size ? 2 : 0, high = sensor - (is_size ? origin : size);
     // Even, so that the Bayer pattern stays; written so that NaN is refused.
     if (!(access.value >= low && access.value <= high && std::fmod(access.value, 2) == 0)) {
-      return InvalidArgument("camera {}: region's {} {}, permitted is even, {} to {} (its {} is {})",
-                             camera_.name,
-                             is_size ? (along_x ? "width" : "height") : (along_x ? "x" : "y"),
-                             access.value, low, high, is_size ? "origin" : "size",
-                             is_size ? origin : size);
+      return InvalidArgument(
+          "camera {}: region's {} {}, permitted is even, {} to {} (its {} is {})", camera_.name,
+          is_size ? (along_x ? "width" : "height") : (along_x ? "x" : "y"), access.value, low, high,
+          is_size ? "origin" : "size", is_size ? origin : size);
     }
     (is_size ? size : origin) = static_cast<int>(access.value);
   }

@@ -25,7 +25,7 @@ class ImageSource {
     double laser_level = 0;          // mean over the exposure, 0..1
     double laser_tilt_rad = 0;       // of the emitter, at mid-exposure
     Region region;                   // filled in by the camera: what it reads
-    plant::NoiseKey key;             // camera, exposure, gain and repeat are filled in by the camera
+    plant::NoiseKey key;  // camera, exposure, gain and repeat are filled in by the camera
   };
   virtual Scene Observe(RigTime from, RigTime to) = 0;
   // Expected electrons per pixel of scene.region, row by row.

@@ -1,6 +1,6 @@
 #pragma once
-// The line laser: where it is mounted, where its emitter points and whether it shines. Called by the
-// dispatcher only.
+// The line laser: where it is mounted, where its emitter points and whether it shines. Called by
+// the dispatcher only.
 
 #include <deque>
 #include <functional>
@@ -32,9 +32,10 @@ class LaserUnit {
   RigTime last_change() const { return switches_.empty() ? RigTime{} : switches_.back().first; }
   double MeanLevel(RigTime from, RigTime to) const;  // share of an exposure, 0..1
 
-  // The operator hangs it at a mount and lines the stripe up with the turntable's centre by eye: the
-  // tilt then is one within kMisset_rad that the seed and the mount choose. NotFound for a mount that
-  // the rig has not, FailedPrecondition while the contactor is closed: nobody reaches in there.
+  // The operator hangs it at a mount and lines the stripe up with the turntable's centre by eye:
+  // the tilt then is one within kMisset_rad that the seed and the mount choose. NotFound for a
+  // mount that the rig has not, FailedPrecondition while the contactor is closed: nobody reaches in
+  // there.
   Status Mount(std::string_view name, RigTime now);
   int mount() const { return mount_; }
 

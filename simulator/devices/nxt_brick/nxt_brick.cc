@@ -92,11 +92,11 @@ std::string NxtBrick::SetOutputState(RigTime now, std::string_view body) {
   wanted.turn_ratio = in.Get<int8_t>();
   wanted.run_state = in.Get<uint8_t>();
   wanted.tacho_limit = in.Get<uint32_t>();
-  const bool known = (port < ports_.size() || port == kAllPorts) &&
-                     std::abs(int{wanted.power}) <= 100 && std::abs(int{wanted.turn_ratio}) <= 100 &&
-                     wanted.mode <= (kMotorOn | kBrake | kRegulated) &&
-                     wanted.regulation <= kRegulateSpeed &&
-                     (wanted.run_state == kIdle || wanted.run_state == kRunning);
+  const bool known =
+      (port < ports_.size() || port == kAllPorts) && std::abs(int{wanted.power}) <= 100 &&
+      std::abs(int{wanted.turn_ratio}) <= 100 && wanted.mode <= (kMotorOn | kBrake | kRegulated) &&
+      wanted.regulation <= kRegulateSpeed &&
+      (wanted.run_state == kIdle || wanted.run_state == kRunning);
   if (!known) return Error(kOutOfRange);
   for (size_t p = 0; p < ports_.size(); ++p) {
     if (port != p && port != kAllPorts) continue;
@@ -114,8 +114,7 @@ void NxtBrick::Apply(const Port& port, RigTime now) {
     return Stop(now);
   }
   const bool regulated = (port.mode & kRegulated) != 0 && port.regulation == kRegulateSpeed;
-  const double speed =
-      laser_.full_speed_rad_s * port.power / 100 * (regulated ? 1 : kUnregulated);
+  const double speed = laser_.full_speed_rad_s * port.power / 100 * (regulated ? 1 : kUnregulated);
   unit_.motor().Drive(speed, kRunUp_s, now);
   if (port.tacho_limit > 0) {
     const double limit = std::copysign(RadFromDeg(port.tacho_limit), speed);

@@ -19,8 +19,8 @@ namespace mesorig::simulator {
 
 class NxtBrick final : public sim_wire::SimDevice {
  public:
-  // Rig (with a laser) and unit are borrowed. The laser's motor hangs on Laser::motor_port; the other
-  // ports are empty.
+  // Rig (with a laser) and unit are borrowed. The laser's motor hangs on Laser::motor_port; the
+  // other ports are empty.
   NxtBrick(const Rig& rig, LaserUnit& unit);
 
   std::string name() const override { return std::string(sim_wire::kNxtDevice); }

@@ -1,5 +1,5 @@
-// mesorig-sim as a program: a sweep by hand over the lockstep wire, the operator, the rig's log, and
-// the exact MDF.
+// mesorig-sim as a program: a sweep by hand over the lockstep wire, the operator, the rig's log,
+// and the exact MDF.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -26,7 +26,8 @@ using test::TemporaryFolder;
 using ::testing::HasSubstr;
 
 const std::string kSource = MESORIG_SOURCE_DIR;
-const std::string kDemo = kSource + "/rigs/demo.toml", kWeave = kSource + "/rigs/samples/weave.toml";
+const std::string kDemo = kSource + "/rigs/demo.toml",
+                  kWeave = kSource + "/rigs/samples/weave.toml";
 constexpr int kFrames = 8;
 constexpr uint16_t kTriggerLine = 3, kLaserOnLine = 4;
 
@@ -38,7 +39,8 @@ struct Sweep {
 
 class Hands {  // at the buses of a simulator
  public:
-  explicit Hands(const std::string& endpoint) : link_(sim_wire::SimLink::Connect(endpoint).value()) {
+  explicit Hands(const std::string& endpoint)
+      : link_(sim_wire::SimLink::Connect(endpoint).value()) {
     camera_ = link_->FindDevice(sim_wire::CameraDevice("DF256-04")).value();
     nxt_ = link_->FindDevice(sim_wire::kNxtDevice).value();
     lines_ = link_->FindDevice(sim_wire::kLinesDevice).value();
@@ -116,8 +118,8 @@ Sweep SweepWithSeed(const std::string& seed) {
   return sweep;
 }
 
-// Mean row of what is well above the black level. (The light arc stands near its home: the stripe runs
-// along the rows.)
+// Mean row of what is well above the black level. (The light arc stands near its home: the stripe
+// runs along the rows.)
 double StripeRow(const sim_wire::CameraFrame& frame) {
   double sum = 0, moment = 0;
   for (size_t i = 0; i + 1 < frame.pixels.size(); i += 2) {
@@ -158,7 +160,8 @@ TEST(LaserProgram, TruthOfAnMdfAndOfTheMesh) {
   header.pitch_mm = 2.5;
   header.h_ref_mm = 4.2;
   header.views = {Vec3{0, 0, 1}, Vec3{0.6, 0, 0.8}};
-  const std::string like = (folder / "like.mdf.exr").string(), out = (folder / "t.mdf.exr").string();
+  const std::string like = (folder / "like.mdf.exr").string(),
+                    out = (folder / "t.mdf.exr").string();
   const std::string mesh = (folder / "weave.obj").string();
   ASSERT_TRUE(btf::WriteMdf(btf::Mdf(header), like).ok());
   const auto outcome = RunProgram("mesorig-sim", {"truth", "--sample", kWeave, "--like", like,

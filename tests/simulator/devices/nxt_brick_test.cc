@@ -26,7 +26,8 @@ std::string Bytes(std::initializer_list<int> values) {
 
 // Regulated, braking, port A.
 std::string RunMotor(int power, int tacho_limit = 0) {
-  return Bytes({0x00, 0x04, 0, power, 0x07, 0x01, 0, 0x20, tacho_limit & 255, tacho_limit >> 8, 0, 0});
+  return Bytes(
+      {0x00, 0x04, 0, power, 0x07, 0x01, 0, 0x20, tacho_limit & 255, tacho_limit >> 8, 0, 0});
 }
 
 struct OutputState {
@@ -83,10 +84,12 @@ TEST_F(NxtBrickTest, BatteryAndKeepAlive) {
   const std::string battery = Ask(seconds(1), Bytes({0x00, 0x0B}));
   ASSERT_EQ(battery.size(), 5u);
   EXPECT_EQ(battery.substr(0, 3), Bytes({0x02, 0x0B, 0x00}));
-  const int mv = static_cast<unsigned char>(battery[3]) + 256 * static_cast<unsigned char>(battery[4]);
+  const int mv =
+      static_cast<unsigned char>(battery[3]) + 256 * static_cast<unsigned char>(battery[4]);
   EXPECT_EQ(mv, 7999);
   // 600,000 ms = 0x000927C0.
-  EXPECT_EQ(Ask(seconds(2), Bytes({0x00, 0x0D})), Bytes({0x02, 0x0D, 0x00, 0xC0, 0x27, 0x09, 0x00}));
+  EXPECT_EQ(Ask(seconds(2), Bytes({0x00, 0x0D})),
+            Bytes({0x02, 0x0D, 0x00, 0xC0, 0x27, 0x09, 0x00}));
 }
 
 TEST_F(NxtBrickTest, AnswersSevenMillisecondsLater) {
@@ -206,9 +209,9 @@ TEST_F(NxtBrickTest, TiltIsNotWhatTheTachometerSays) {
 // Whatever arrives, the brick answers with one reply of a known form or not at all, and the motor
 // stays a finite thing.
 TEST_F(NxtBrickTest, SurvivesMutatedTelegrams) {
-  const std::vector<std::string> valid = {RunMotor(30, 500), RunMotor(-70), Bytes({0x00, 0x06, 0}),
-                                          Bytes({0x00, 0x0A, 0, 1}), Bytes({0x00, 0x0B}),
-                                          Bytes({0x00, 0x0D})};
+  const std::vector<std::string> valid = {RunMotor(30, 500),      RunMotor(-70),
+                                          Bytes({0x00, 0x06, 0}), Bytes({0x00, 0x0A, 0, 1}),
+                                          Bytes({0x00, 0x0B}),    Bytes({0x00, 0x0D})};
   std::mt19937 random(11);
   RigTime now = seconds(1);
   int replies = 0;
@@ -217,10 +220,18 @@ TEST_F(NxtBrickTest, SurvivesMutatedTelegrams) {
     for (auto edit = random() % 3; edit > 0 && !telegram.empty(); --edit) {
       const size_t at = random() % telegram.size();
       switch (random() % 4) {
-        case 0: telegram[at] = static_cast<char>(random()); break;
-        case 1: telegram.resize(at); break;
-        case 2: telegram.insert(at, random() % 80, static_cast<char>(random())); break;
-        default: telegram[at] = static_cast<char>(telegram[at] ^ (1 << random() % 8)); break;
+        case 0:
+          telegram[at] = static_cast<char>(random());
+          break;
+        case 1:
+          telegram.resize(at);
+          break;
+        case 2:
+          telegram.insert(at, random() % 80, static_cast<char>(random()));
+          break;
+        default:
+          telegram[at] = static_cast<char>(telegram[at] ^ (1 << random() % 8));
+          break;
       }
     }
     now += milliseconds(10 + random() % 100);

@@ -38,8 +38,8 @@ TEST(RigLog, NamesAFileThatItCannotWrite) {
   EXPECT_NE(log.status().message().find("/nowhere/rig.tsv"), std::string::npos);
 }
 
-// What the log hears of axes: one `moves` and one `stands` a homing, of both legs together, and again
-// when the contactor takes the torque away in the middle of a move.
+// What the log hears of axes: one `moves` and one `stands` a homing, of both legs together, and
+// again when the contactor takes the torque away in the middle of a move.
 TEST(RigLog, AxesSayWhenTheyMoveAndStand) {
   const Rig rig = LoadRig(std::string(MESORIG_SOURCE_DIR) + "/rigs/demo.toml").value();
   Contactor contactor;
@@ -59,15 +59,15 @@ TEST(RigLog, AxesSayWhenTheyMoveAndStand) {
     while (bus.NextEvent() <= end) bus.RunEvent(bus.NextEvent(), out);
     now = end;
   };
-  send(0x000, 2, {0x01, 0x01});                 // node 1: operational
-  send(0x601, 8, {0x2F, 0x60, 0x60, 0, 6});     // homing
+  send(0x000, 2, {0x01, 0x01});              // node 1: operational
+  send(0x601, 8, {0x2F, 0x60, 0x60, 0, 6});  // homing
   for (int word : {0x06, 0x07, 0x0F, 0x1F}) send(0x401, 6, {static_cast<uint8_t>(word)});
   run_until(seconds(100));
   ASSERT_EQ(heard.size(), 2u);
   EXPECT_TRUE(heard[0].first);
   EXPECT_FALSE(heard[1].first);
   EXPECT_LT(heard[1].second, RigTime(seconds(10)));
-  send(0x601, 8, {0x2F, 0x60, 0x60, 0, 1});     // to 90 degrees
+  send(0x601, 8, {0x2F, 0x60, 0x60, 0, 1});  // to 90 degrees
   send(0x401, 6, {0x0F});
   send(0x401, 6, {0x1F, 0, 0x90, 0x5F, 0x01});
   run_until(now + milliseconds(500));

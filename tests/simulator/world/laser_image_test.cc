@@ -1,6 +1,6 @@
-// The line laser as cameras see it, against numbers computed by hand. Turntable at 0, light arc at 90
-// degrees unless said: the source stands at y > 0, the stripe runs along x. Camera 0 looks down from
-// 800 mm with u along y and v along x, 2600 pixels of focal length, (128, 96) in the middle.
+// The line laser as cameras see it, against numbers computed by hand. Turntable at 0, light arc at
+// 90 degrees unless said: the source stands at y > 0, the stripe runs along x. Camera 0 looks down
+// from 800 mm with u along y and v along x, 2600 pixels of focal length, (128, 96) in the middle.
 
 #include <gtest/gtest.h>
 
@@ -17,13 +17,14 @@ constexpr int kZenith = 0, kSlant = 1;
 Rig Demo() { return LoadRig(std::string(MESORIG_SOURCE_DIR) + "/rigs/demo.toml").value(); }
 
 RigState Lit(const Rig& rig, int mount, double tilt_rad, double arc_deg = 90) {
-  return {{0, RadFromDeg(arc_deg)}, std::vector<double>(rig.lamps.size(), 0.0), {mount, 1, tilt_rad}};
+  return {
+      {0, RadFromDeg(arc_deg)}, std::vector<double>(rig.lamps.size(), 0.0), {mount, 1, tilt_rad}};
 }
 
 double At(const Rig& rig, const std::vector<float>& electrons, int camera, const RigState& state,
           Vec3 p) {
-  const auto at = Project(rig.cameras[camera],
-                          Inverse(SampleFromCamera(rig, camera, state.axis_rad)) * p);
+  const auto at =
+      Project(rig.cameras[camera], Inverse(SampleFromCamera(rig, camera, state.axis_rad)) * p);
   int i = static_cast<int>(at->u);
   const int j = static_cast<int>(at->v);
   i += ChannelOfPixel(rig.cameras[camera], i, j) == 1 ? 0 : 1;  // the green pixel beside
@@ -51,12 +52,12 @@ Profile RowProfile(const std::vector<float>& electrons, int row, int first) {
 }
 
 // A Lambert plane (albedo 0.5) at z = 3 mm, the source at 35 degrees and 640 mm, tilt 0: the sheet
-// through the origin meets it at y = 3 tan 35 = 2.1006, r = 640 - 3 / cos 35 = 636.338 from the source,
-// seen at u = 128 + 2600 * 2.1006 / 797 = 134.853.
-// Along the stripe 0.08 W / (1.047198 * 636.338 mm) = 1.20053e-4 W/mm, whatever the angle, so that the
-// radiance summed across is 0.5 / pi * 1.20053e-4 * 1e6 = 19.107 W m^-2 sr^-1 mm. A green pixel every
-// 2 * 797 / 2600 mm and 800 electrons per W m^-2 sr^-1 (20 ms): 24932 electrons in a row.
-// Peak: 19.107 * cos 35 / (1.01918 * 2.50663) = 6.1266, 4901 electrons.
+// through the origin meets it at y = 3 tan 35 = 2.1006, r = 640 - 3 / cos 35 = 636.338 from the
+// source, seen at u = 128 + 2600 * 2.1006 / 797 = 134.853. Along the stripe 0.08 W / (1.047198 *
+// 636.338 mm) = 1.20053e-4 W/mm, whatever the angle, so that the radiance summed across is 0.5 / pi
+// * 1.20053e-4 * 1e6 = 19.107 W m^-2 sr^-1 mm. A green pixel every 2 * 797 / 2600 mm and 800
+// electrons per W m^-2 sr^-1 (20 ms): 24932 electrons in a row. Peak: 19.107 * cos 35 / (1.01918
+// * 2.50663) = 6.1266, 4901 electrons.
 TEST(LaserImage, StripeOnAPlane) {
   const Rig rig = Demo();
   const auto world = Build(Plane(3, Lambert(0.5, 0.5, 0.5), 58));
@@ -69,9 +70,9 @@ TEST(LaserImage, StripeOnAPlane) {
   EXPECT_NEAR(red.sum / green.sum, 0.15, 1e-4) << "the laser is green";
 }
 
-// At z = 0 the stripe lies at x(t) = d sin(theta) - d cos(theta) tan(theta + t): for the zenith mount
-// and a tilt of 1 degree, 55.780 - 637.565 * tan 6 deg = -11.231: u = 128 - 2600 * 11.231 / 800 = 91.50.
-// The turntable's albedo is 0.3.
+// At z = 0 the stripe lies at x(t) = d sin(theta) - d cos(theta) tan(theta + t): for the zenith
+// mount and a tilt of 1 degree, 55.780 - 637.565 * tan 6 deg = -11.231: u = 128 - 2600 * 11.231 /
+// 800 = 91.50. The turntable's albedo is 0.3.
 TEST(LaserImage, StripeOnTheTurntableBesideTheSample) {
   const Rig rig = Demo();
   const auto world = Build(Plane(2, Lambert(0.5, 0.5, 0.5), 10));
@@ -132,8 +133,8 @@ TEST(LaserImage, OutsideTheFanIsDark) {
   EXPECT_EQ(At(rig, electrons, 0, state, {-23.2, 0, 0}), 0);
 }
 
-// A wall of 5 mm at x = 0, the source beyond it at 35 degrees: 5 tan 35 = 3.5 mm of the ground lie in
-// its shadow.
+// A wall of 5 mm at x = 0, the source beyond it at 35 degrees: 5 tan 35 = 3.5 mm of the ground lie
+// in its shadow.
 TEST(LaserImage, WallsThrowShadows) {
   const Rig rig = Demo();
   const auto world = Build(Step(5, 0.05));

@@ -1,13 +1,12 @@
 #include "simulator/world/mdf_truth.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
 #include <sstream>
 #include <string>
-
-#include <unistd.h>
 
 #include "protocol/base/file_writer.h"
 #include "simulator/world/sample.h"
@@ -44,10 +43,10 @@ TEST(MdfTruth, FlatPlane) {
 
 // A wall of 2 mm at x = 0, high for x < 0 (it rises over the cell from 0 to -0.05), h_ref = 5, seen
 // from +x at 45 degrees: the ray from p goes by -x. Texel i lies at x = i - 9.5, row 4 at y = 0.5.
-// x = 6.5: meets z = 0 at x = 1.5; D = 5 sqrt 2 = 7.0711.  x = 4.5: would meet z = 0 at x = -0.5, so
-// that it meets the wall at x = 0 .. -0.05, 4.5 to 4.55 away in x: D = 6.36 .. 6.43.
-// x = -2.5: the top, D = 3 sqrt 2 = 4.2426. From -x (phi 180) x = -4.5 goes to +x and meets the top at
-// x = -1.5; x = -2.5 passes the edge at height 2.5 and meets the ground at x = 2.5.
+// x = 6.5: meets z = 0 at x = 1.5; D = 5 sqrt 2 = 7.0711.  x = 4.5: would meet z = 0 at x = -0.5,
+// so that it meets the wall at x = 0 .. -0.05, 4.5 to 4.55 away in x: D = 6.36 .. 6.43. x = -2.5:
+// the top, D = 3 sqrt 2 = 4.2426. From -x (phi 180) x = -4.5 goes to +x and meets the top at x =
+// -1.5; x = -2.5 passes the edge at height 2.5 and meets the ground at x = 2.5.
 TEST(MdfTruth, StepSeenFromBothSides) {
   const auto world = Build(Step(2, 0.05));
   const MdfTruth truth = ComputeMdfTruth(*world, Header({View(45, 0), View(45, 180)}), 1).value();
@@ -61,9 +60,9 @@ TEST(MdfTruth, StepSeenFromBothSides) {
   EXPECT_NEAR(at(1, -2.5), 7.0711, 1e-3);
 }
 
-// The weave's raised letter, from above: the stem of the F stands left of its middle, the bars to the
-// right. Row 0 is at +y. Stem at x = -4, below the bars (y = -8): 3.2 mm or so high; nothing so high
-// and even at x = +8.
+// The weave's raised letter, from above: the stem of the F stands left of its middle, the bars to
+// the right. Row 0 is at +y. Stem at x = -4, below the bars (y = -8): 3.2 mm or so high; nothing so
+// high and even at x = +8.
 TEST(MdfTruth, LetterStandsUnmirrored) {
   const auto sample =
       LoadSample(std::string(MESORIG_SOURCE_DIR) + "/rigs/samples/weave.toml").value();
@@ -124,7 +123,8 @@ TEST(Mesh, IsWhatRaysMeet) {
     area += n.z / 2;
   }
   EXPECT_NEAR(area, 16, 1e-5);
-  const auto path = std::filesystem::temp_directory_path() / fmt::format("mesorig-{}.obj", getpid());
+  const auto path =
+      std::filesystem::temp_directory_path() / fmt::format("mesorig-{}.obj", getpid());
   ASSERT_TRUE(WriteMesh(*world, path).ok());
   std::istringstream text(ReadFile(path).value());
   std::filesystem::remove(path);
