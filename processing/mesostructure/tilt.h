@@ -24,8 +24,8 @@ StatusOr<TiltFix> FindTilt(const SweepGeometry& geometry, const StripeImage& ima
 
 // The tilts of a whole sweep. A fix that stands off the line of its neighbours by more than a third
 // of a step, at the ends two thirds (and five standard deviations), is dropped; gaps of at most
-// kLongestGap frames between two fixes are bridged, the motor turning steadily; longer ones, and what
-// lies before the first or behind the last fix, stay without. A sweep that turns back, or loses more
+// kLongestGap frames between two fixes are bridged, the motor turning steadily; longer ones, and
+// what lies before the first or behind the last fix, stay without. A sweep that turns back, or loses more
 // than a third of its fixes so, is not one: then all are dropped.
 inline constexpr size_t kLongestGap = 3;
 std::vector<std::optional<TiltFix>> CompleteTilts(std::span<const std::optional<TiltFix>> fixes);
