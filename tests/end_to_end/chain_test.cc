@@ -9,15 +9,9 @@
 #include <unistd.h>
 
 #include <atomic>
-#include <filesystem>
-#include <fstream>
-#include <map>
-#include <nlohmann/json.hpp>
-#include <thread>
 
-#include "protocol/base/digest.h"
 #include "protocol/base/file_writer.h"
-#include "tests/end_to_end/process.h"
+#include "tests/end_to_end/running_rig.h"
 
 namespace mesorig::test {
 namespace {
@@ -25,73 +19,9 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-const std::string kSource = MESORIG_SOURCE_DIR;
-const std::string kTiny = kSource + "/tests/end_to_end/";
-
-// Simulator and daemon, and the processing service when asked for, in a folder of their own.
-class Rig {
- public:
-  explicit Rig(bool processing, const std::string& seed = "7") {
-    sim_ = Start("mesorig-sim", {"run", "--rig", kTiny + "tiny_rig.toml", "--sample",
-                                 kSource + "/rigs/samples/weave.toml", "--seed", seed});
-    daemon_ = Start("mesorigd",
-                    {"--rig", kTiny + "tiny_rig.toml", "--state-dir", (folder_ / "state").string()});
-    if (processing) {
-      processing_ = Start("mesorig-processd", {"--products", (folder_ / "products").string()});
-    }
-  }
-  Outcome Mesorig(std::vector<std::string> arguments) const {
-    arguments.insert(arguments.end(), {"--runtime-dir", folder_.path().string()});
-    return RunProgram("mesorig", arguments);
-  }
-  Outcome Inject(std::vector<std::string> words) const {
-    words.insert(words.begin(), "inject");
-    words.insert(words.end(), {"--runtime-dir", folder_.path().string()});
-    return RunProgram("mesorig-sim", words);
-  }
-  nlohmann::json RunTinyPlan() const {
-    std::vector<std::string> arguments = {"run", kTiny + "tiny_plan.toml", "--json"};
-    if (processing_ == nullptr) arguments.push_back("--no-products");
-    const Outcome outcome = Mesorig(arguments);
-    EXPECT_EQ(outcome.code, 0) << outcome.text << Logs();
-    const auto json = nlohmann::json::parse(outcome.text, nullptr, false);
-    EXPECT_TRUE(json.is_object()) << outcome.text;
-    return json.is_object() ? json : nlohmann::json::object();
-  }
-  // Digests of the frames on disk, camera by camera: segments hold pixels and digests, no times.
-  std::map<std::string, std::string> SegmentDigests(const std::string& session) const {
-    std::map<std::string, std::string> digests;
-    for (const auto& entry : fs::directory_iterator(folder_ / "state" / session)) {
-      if (entry.path().extension() != ".seg") continue;
-      digests[entry.path().filename()] = FrameDigest(ReadFile(entry.path()).value());
-    }
-    return digests;
-  }
-  std::string Logs() const {
-    std::string logs;
-    for (const auto* service : {sim_.get(), daemon_.get(), processing_.get()}) {
-      if (service != nullptr) logs += service->Log();
-    }
-    return logs;
-  }
-  const TemporaryFolder& folder() const { return folder_; }
-  Service& sim() { return *sim_; }
-  Service& daemon() { return *daemon_; }
-
- private:
-  std::unique_ptr<Service> Start(const std::string& program, std::vector<std::string> arguments) {
-    arguments.insert(arguments.end(), {"--runtime-dir", folder_.path().string()});
-    auto service = std::make_unique<Service>(program, arguments, folder_ / (program + ".log"));
-    EXPECT_TRUE(AwaitFile(folder_ / (program + ".endpoint"))) << service->Log();
-    return service;
-  }
-  TemporaryFolder folder_;
-  std::unique_ptr<Service> sim_, daemon_, processing_;  // ended in the reverse order
-};
-
 TEST(Chain, CapturesCompressesAndRenders) {
-  Rig rig(true);
-  const nlohmann::json run = rig.RunTinyPlan();
+  RunningRig rig(true);
+  const nlohmann::json run = rig.RunPlan();
   EXPECT_EQ(run["frames_planned"], 2 * 2 * 3 * 3);
   EXPECT_EQ(run["frames_on_disk"], run["frames_planned"]);
   EXPECT_TRUE(run["deterministic"]);
@@ -99,18 +29,19 @@ TEST(Chain, CapturesCompressesAndRenders) {
   const std::string btf = run["products"][0]["path"];
   const TemporaryFolder& folder = rig.folder();
   const std::string truth = (folder / "truth.btf.exr").string();
-  const Outcome made = RunProgram("mesorig-sim", {"truth", "--sample", kSource + "/rigs/samples/weave.toml",
-                                                  "--like", btf, "--out", truth, "--json"});
+  const Outcome made =
+      RunProgram("mesorig-sim", {"truth", "--sample", kSource + "/rigs/samples/weave.toml",
+                                 "--like", btf, "--out", truth, "--json"});
   ASSERT_EQ(made.code, 0) << made.text;
   const Outcome compared = RunProgram("mesorig-btf", {"compare", btf, truth, "--json"});
   ASSERT_EQ(compared.code, 0) << compared.text;
   const auto errors = nlohmann::json::parse(compared.text);
-  // A pixel of 1.2 mm (2.4 mm to the next red one) cannot resolve threads of 3.6 mm: 22 dB measured.
-  // The demo, with pixels of 0.31 mm, is held to 30 dB.
+  // A pixel of 1.2 mm (2.4 mm to the next red one) cannot resolve threads of 3.6 mm: 22 dB
+  // measured. The demo, with pixels of 0.31 mm, is held to 30 dB.
   EXPECT_GE(errors["psnr_db"], 21.0) << compared.text;
   const std::string coded = (folder / "coded.btf.exr").string();
-  const Outcome compressed = RunProgram(
-      "mesorig-btf", {"compress", btf, "--codec", "view-svd", "--out", coded, "--json"});
+  const Outcome compressed =
+      RunProgram("mesorig-btf", {"compress", btf, "--codec", "view-svd", "--out", coded, "--json"});
   ASSERT_EQ(compressed.code, 0) << compressed.text;
   EXPECT_GT(nlohmann::json::parse(compressed.text)["psnr_db"], 25.0) << compressed.text;
   const std::string png = (folder / "slab.png").string();
@@ -141,15 +72,15 @@ TEST(Chain, SameSeedSameDigests) {
         burners.push_back(pid);
       }
     }
-    Rig rig(false);
-    const nlohmann::json run = rig.RunTinyPlan();
+    RunningRig rig(false);
+    const nlohmann::json run = rig.RunPlan();
     const auto digests = rig.SegmentDigests(run.value("session_id", ""));
     ASSERT_EQ(digests.size(), 3u);
     if (i == 0) first = digests;
     EXPECT_EQ(digests, first) << "run " << i;
   }
-  Rig other(false, "8");
-  EXPECT_NE(other.SegmentDigests(other.RunTinyPlan().value("session_id", "")), first);
+  RunningRig other(false, "8");
+  EXPECT_NE(other.SegmentDigests(other.RunPlan().value("session_id", "")), first);
   for (const pid_t pid : burners) {
     ::kill(pid, SIGKILL);
     ::waitpid(pid, nullptr, 0);
@@ -157,19 +88,20 @@ TEST(Chain, SameSeedSameDigests) {
 }
 
 TEST(Chain, StopAndEStopEndTheSessionIncomplete) {
-  Rig rig(false);
+  RunningRig rig(false);
   ASSERT_EQ(rig.Inject({"lines", "estop", "open"}).code, 0);
   const Outcome refused = rig.Mesorig({"run", kTiny + "tiny_plan.toml"});
   EXPECT_EQ(refused.code, 1);
   EXPECT_THAT(refused.text, HasSubstr("emergency stop (line 0) is open"));
   ASSERT_EQ(rig.Inject({"lines", "estop", "close"}).code, 0);
   ASSERT_EQ(rig.Inject({"lines", "reset"}).code, 0);
-  EXPECT_EQ(rig.RunTinyPlan().value("complete", false), true) << "after closing and reset it works again";
+  EXPECT_EQ(rig.RunPlan().value("complete", false), true)
+      << "after closing and reset it works again";
   EXPECT_EQ(rig.Mesorig({"stop"}).code, 0) << "stop is welcome when idle";
 }
 
 TEST(Chain, UnimplementedSaysSo) {
-  Rig rig(false);
+  RunningRig rig(false);
   for (const char* command : {"pause", "resume"}) {
     const Outcome outcome = rig.Mesorig({command});
     EXPECT_EQ(outcome.code, 1);
@@ -178,8 +110,8 @@ TEST(Chain, UnimplementedSaysSo) {
 }
 
 TEST(Chain, TheDaemonSurvivesTheSimulatorAndLeavesInPeace) {
-  Rig rig(false);
-  rig.RunTinyPlan();
+  RunningRig rig(false);
+  rig.RunPlan();
   EXPECT_EQ(rig.sim().End(SIGKILL), 128 + SIGKILL);
   const Outcome run = rig.Mesorig({"run", kTiny + "tiny_plan.toml"});
   EXPECT_EQ(run.code, 1) << run.text;
@@ -217,51 +149,83 @@ const std::string kTinyRig = kTiny + "tiny_rig.toml";
 INSTANTIATE_TEST_SUITE_P(
     Programs, BadInputTest,
     ::testing::Values(
-        BadInput{"sim_missing_rig", "mesorig-sim",
-                 {"run", "--rig", "@none", "--sample", kWeave, "--runtime-dir", "@r"}, 2, "no such file"},
-        BadInput{"sim_garbage_rig", "mesorig-sim",
-                 {"run", "--rig", "@garbage", "--sample", kWeave, "--runtime-dir", "@r"}, 2, "garbage:1:"},
-        BadInput{"daemon_without_rig", "mesorigd",
-                 {"--rig", "@none", "--state-dir", "@s", "--runtime-dir", "@r"}, 2, "no such file"},
-        BadInput{"daemon_without_simulator", "mesorigd",
-                 {"--rig", kTinyRig, "--state-dir", "@s", "--runtime-dir", "@r"}, 1, "mesorig-sim"},
+        BadInput{"sim_missing_rig",
+                 "mesorig-sim",
+                 {"run", "--rig", "@none", "--sample", kWeave, "--runtime-dir", "@r"},
+                 2,
+                 "no such file"},
+        BadInput{"sim_garbage_rig",
+                 "mesorig-sim",
+                 {"run", "--rig", "@garbage", "--sample", kWeave, "--runtime-dir", "@r"},
+                 2,
+                 "garbage:1:"},
+        BadInput{"daemon_without_rig",
+                 "mesorigd",
+                 {"--rig", "@none", "--state-dir", "@s", "--runtime-dir", "@r"},
+                 2,
+                 "no such file"},
+        BadInput{"daemon_without_simulator",
+                 "mesorigd",
+                 {"--rig", kTinyRig, "--state-dir", "@s", "--runtime-dir", "@r"},
+                 1,
+                 "mesorig-sim"},
         BadInput{"info_garbage", "mesorig-btf", {"info", "@garbage"}, 2, "garbage"},
         BadInput{"info_missing", "mesorig-btf", {"info", "@none"}, 2, "no such file"},
-        BadInput{"compress_garbage", "mesorig-btf",
-                 {"compress", "@garbage", "--codec", "view-svd", "--out", "@out"}, 2, "garbage"},
-        BadInput{"truth_like_garbage", "mesorig-sim",
-                 {"truth", "--sample", kWeave, "--like", "@garbage", "--out", "@out"}, 2, "garbage"},
-        BadInput{"render_missing_scene", "mesorig-render", {"@none", "--out", "@out"}, 2, "no such file"},
-        BadInput{"render_garbage_scene", "mesorig-render", {"@garbage", "--out", "@out"}, 2, "garbage:1:"},
-        BadInput{"render_garbage_btf", "mesorig-render",
-                 {kSource + "/scenes/slab.toml", "--btf", "@garbage", "--out", "@out"}, 2, "garbage"},
-        BadInput{"import_nowhere", "mesorig-btf",
-                 {"import", "--format", "multi-light", "@none", "--out", "@out"}, 2, "none"}),
+        BadInput{"compress_garbage",
+                 "mesorig-btf",
+                 {"compress", "@garbage", "--codec", "view-svd", "--out", "@out"},
+                 2,
+                 "garbage"},
+        BadInput{"truth_like_garbage",
+                 "mesorig-sim",
+                 {"truth", "--sample", kWeave, "--like", "@garbage", "--out", "@out"},
+                 2,
+                 "garbage"},
+        BadInput{"render_missing_scene",
+                 "mesorig-render",
+                 {"@none", "--out", "@out"},
+                 2,
+                 "no such file"},
+        BadInput{"render_garbage_scene",
+                 "mesorig-render",
+                 {"@garbage", "--out", "@out"},
+                 2,
+                 "garbage:1:"},
+        BadInput{"render_garbage_btf",
+                 "mesorig-render",
+                 {kSource + "/scenes/slab.toml", "--btf", "@garbage", "--out", "@out"},
+                 2,
+                 "garbage"},
+        BadInput{"import_nowhere",
+                 "mesorig-btf",
+                 {"import", "--format", "multi-light", "@none", "--out", "@out"},
+                 2,
+                 "none"}),
     [](const auto& test) { return test.param.what; });
 
 TEST(BadInput, ASocketInUse) {
-  Rig rig(false);
-  const Outcome second = RunProgram(
-      "mesorig-sim", {"run", "--rig", kTinyRig, "--sample", kWeave, "--runtime-dir",
-                      rig.folder().path().string()});
+  RunningRig rig(false);
+  const Outcome second = RunProgram("mesorig-sim", {"run", "--rig", kTinyRig, "--sample", kWeave,
+                                                    "--runtime-dir", rig.folder().path().string()});
   EXPECT_EQ(second.code, 1);
   EXPECT_THAT(second.text, HasSubstr("already runs"));
-  const Outcome daemon = RunProgram(
-      "mesorigd", {"--rig", kTinyRig, "--state-dir", (rig.folder() / "other").string(),
-                   "--runtime-dir", rig.folder().path().string()});
+  const Outcome daemon =
+      RunProgram("mesorigd", {"--rig", kTinyRig, "--state-dir", (rig.folder() / "other").string(),
+                              "--runtime-dir", rig.folder().path().string()});
   EXPECT_EQ(daemon.code, 1);
   EXPECT_THAT(daemon.text, HasSubstr("already runs"));
 }
 
 TEST(BadInput, ADaemonWithAnotherRigThanTheSimulator) {
   const TemporaryFolder folder;
-  Service sim("mesorig-sim",
-              {"run", "--rig", kTinyRig, "--sample", kWeave, "--runtime-dir", folder.path().string()},
-              folder / "log");
+  Service sim(
+      "mesorig-sim",
+      {"run", "--rig", kTinyRig, "--sample", kWeave, "--runtime-dir", folder.path().string()},
+      folder / "log");
   ASSERT_TRUE(AwaitFile(folder / "mesorig-sim.endpoint"));
-  const Outcome daemon = RunProgram(
-      "mesorigd", {"--rig", kSource + "/rigs/demo.toml", "--state-dir", (folder / "s").string(),
-                   "--runtime-dir", folder.path().string()});
+  const Outcome daemon =
+      RunProgram("mesorigd", {"--rig", kSource + "/rigs/demo.toml", "--state-dir",
+                              (folder / "s").string(), "--runtime-dir", folder.path().string()});
   EXPECT_NE(daemon.code, 0);
   EXPECT_THAT(daemon.text, HasSubstr("rig"));
 }
