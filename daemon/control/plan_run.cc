@@ -195,24 +195,39 @@ Status PlanRun::ShootOnce(const Step& step, std::vector<int>& cameras, Status& m
     return Unavailable("lamp {}: level {:.3f} at shot {}, 1 wanted", context_.rig.lamps[lamp_].name,
                        lamp_level_[lamp_], step.shot);
   }
-  const uint32_t trigger = ++last_trigger_;
+  MESORIG_RETURN_IF_ERROR(TriggerAll(cameras));
   double readout_s = 0;
-  for (const int camera : cameras) {  // nothing waits between these: one instant
-    MESORIG_RETURN_IF_ERROR(context_.devices.cameras[camera]->Trigger(trigger));
+  for (const int camera : cameras) {
     readout_s = std::max(readout_s, context_.rig.cameras[camera].readout_s);
   }
   const RigTime deadline =
       context_.clock.Now() + FromSeconds(step.exposure_s + readout_s + kFrameMargin_s);
+  return CollectFrames(deadline, cameras, missing, [&](int camera, const CapturedFrame& frame) {
+    return MakeRecord(step, camera, frame);
+  });
+}
+
+// Nothing waits between these: one instant.
+Status PlanRun::TriggerAll(const std::vector<int>& cameras) {
+  ++last_trigger_;
+  for (const int camera : cameras) {
+    MESORIG_RETURN_IF_ERROR(context_.devices.cameras[camera]->Trigger(last_trigger_));
+  }
+  return OkStatus();
+}
+
+Status PlanRun::CollectFrames(RigTime deadline, std::vector<int>& cameras, Status& missing,
+                              const RecordMaker& make_record) {
   std::vector<int> owing;
   for (const int camera : cameras) {
-    auto frame = context_.devices.cameras[camera]->Await(trigger, deadline);
+    auto frame = context_.devices.cameras[camera]->Await(last_trigger_, deadline);
     if (absl::IsDeadlineExceeded(frame.status())) {
       missing = frame.status();
       owing.push_back(camera);
       continue;
     }
     if (!frame.ok()) return frame.status();
-    MESORIG_RETURN_IF_ERROR(session_.Append(MakeRecord(step, camera, *frame), frame->pixels));
+    MESORIG_RETURN_IF_ERROR(session_.Append(make_record(camera, *frame), frame->pixels));
     ++progress_.frames;
   }
   cameras = std::move(owing);

@@ -67,6 +67,12 @@ class PlanRun {
   // One trigger of `cameras` in one instant; appends what came and leaves in `cameras` who owes a
   // frame.
   Status ShootOnce(const Step& step, std::vector<int>& cameras, Status& missing);
+  Status TriggerAll(const std::vector<int>& cameras);
+  // The frames of the last trigger, appended to the session; `cameras` are left with those whose
+  // frame did not come, `missing` says why.
+  using RecordMaker = std::function<FrameRecord(int camera, const CapturedFrame& frame)>;
+  Status CollectFrames(RigTime deadline, std::vector<int>& cameras, Status& missing,
+                       const RecordMaker& make_record);
   StatusOr<std::vector<double>> ReadLevels();
   bool Steady(const std::vector<double>& levels) const;
   std::vector<double> ReadAxes();

@@ -122,28 +122,14 @@ Status PlanRun::ShootSweepFrame(const Step& step, uint32_t index, RigTime deadli
     MESORIG_RETURN_IF_ERROR(context_.chain.Check());
     return Unavailable("sweep {}: the laser went off at frame {}", step.sweep.index, index);
   }
-  const uint32_t trigger = ++last_trigger_;
-  for (const int camera : cameras) {  // nothing waits between these: one instant
-    MESORIG_RETURN_IF_ERROR(context_.devices.cameras[camera]->Trigger(trigger));
-  }
+  MESORIG_RETURN_IF_ERROR(TriggerAll(cameras));
   MESORIG_ASSIGN_OR_RETURN(const LaserReading reading, context_.devices.laser->Read());
-  std::vector<int> owing;
-  for (const int camera : cameras) {
-    auto frame = context_.devices.cameras[camera]->Await(trigger, deadline);
-    if (absl::IsDeadlineExceeded(frame.status())) {
-      missing = frame.status();
-      owing.push_back(camera);
-      continue;
-    }
-    if (!frame.ok()) return frame.status();
-    FrameRecord record = MakeRecord(step, camera, *frame);
+  return CollectFrames(deadline, cameras, missing, [&](int camera, const CapturedFrame& frame) {
+    FrameRecord record = MakeRecord(step, camera, frame);
     record.shot = step.shot + index;
     record.laser = LaserRecord{step.sweep.index, index, step.sweep.mount, reading.tilt_rad, shines};
-    MESORIG_RETURN_IF_ERROR(session_.Append(std::move(record), frame->pixels));
-    ++progress_.frames;
-  }
-  cameras = std::move(owing);
-  return OkStatus();
+    return record;
+  });
 }
 
 }  // namespace mesorig::daemon
