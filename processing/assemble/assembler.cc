@@ -22,7 +22,7 @@ bool SamePose(const RigidTransform& a, const RigidTransform& b) {
   return Norm(a.translation - b.translation) <= kSameTranslationMm;
 }
 
-Status CheckReadings(const char* what, const std::vector<double>& values, size_t expected) {
+Status CheckReadingsOf(const char* what, const std::vector<double>& values, size_t expected) {
   if (values.size() != expected) {
     return InvalidArgument("{} {} readings, the rig has {}", values.size(), what, expected);
   }
@@ -33,6 +33,12 @@ Status CheckReadings(const char* what, const std::vector<double>& values, size_t
 }
 
 }  // namespace
+
+Status CheckReadings(const Rig& rig, const std::vector<double>& axis_rad,
+                     const std::vector<double>& lamp_level) {
+  MESORIG_RETURN_IF_ERROR(CheckReadingsOf("axis", axis_rad, rig.axes.size()));
+  return CheckReadingsOf("lamp", lamp_level, rig.lamps.size());
+}
 
 btf::BtfHeader GridOf(const Product& product) {
   btf::BtfHeader grid;
@@ -97,8 +103,7 @@ StatusOr<size_t> Assembler::SlotFor(const FrameInfo& info) const {
     return InvalidArgument("the shot is one of a laser sweep");
   }
   if (info.sequence == 0) return InvalidArgument("a sequence number of 0");
-  MESORIG_RETURN_IF_ERROR(CheckReadings("axis", info.axis_rad, rig_.axes.size()));
-  MESORIG_RETURN_IF_ERROR(CheckReadings("lamp", info.lamp_level, rig_.lamps.size()));
+  MESORIG_RETURN_IF_ERROR(CheckReadings(rig_, info.axis_rad, info.lamp_level));
   const std::vector<int>& planned = shot_steps_[info.shot]->cameras;
   const auto found = std::find(planned.begin(), planned.end(), info.camera);
   if (found == planned.end()) return InvalidArgument("the plan does not use this camera there");

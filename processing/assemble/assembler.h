@@ -31,6 +31,10 @@ struct FrameInfo {
   std::vector<double> axis_rad, lamp_level;
 };
 
+// InvalidArgument unless there is one finite reading of every axis and every lamp of the rig.
+Status CheckReadings(const Rig& rig, const std::vector<double>& axis_rad,
+                     const std::vector<double>& lamp_level);
+
 struct Tally {
   uint32_t frames = 0;          // planned frames that have arrived
   uint32_t superseded = 0;      // frames that replaced an earlier one

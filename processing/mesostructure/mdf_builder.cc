@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "processing/assemble/assembler.h"
 #include "processing/btf/mdf_file.h"
 #include "processing/mesostructure/active_sweep.h"
 #include "protocol/base/check.h"
@@ -14,16 +15,6 @@ namespace mesorig::mesostructure {
 namespace {
 
 using nlohmann::json;
-
-Status CheckReadings(const char* what, const std::vector<double>& values, size_t expected) {
-  if (values.size() != expected) {
-    return InvalidArgument("{} {} readings, the rig has {}", values.size(), what, expected);
-  }
-  for (size_t k = 0; k < values.size(); ++k) {
-    if (!std::isfinite(values[k])) return InvalidArgument("{} {} reads {}", what, k, values[k]);
-  }
-  return OkStatus();
-}
 
 // What a displacement file says of itself. Any JSON may stand in a file.
 struct Said {
@@ -162,8 +153,7 @@ StatusOr<size_t> MdfBuilder::SlotFor(const SweepFrame& frame) const {
     return InvalidArgument("mount {}, the plan says {}", frame.mount, step.sweep.mount);
   }
   if (frame.sequence == 0) return InvalidArgument("a sequence number of 0");
-  MESORIG_RETURN_IF_ERROR(CheckReadings("axis", frame.axis_rad, rig_.axes.size()));
-  MESORIG_RETURN_IF_ERROR(CheckReadings("lamp", frame.lamp_level, rig_.lamps.size()));
+  MESORIG_RETURN_IF_ERROR(assemble::CheckReadings(rig_, frame.axis_rad, frame.lamp_level));
   const auto found = std::find(step.cameras.begin(), step.cameras.end(), frame.camera);
   if (found == step.cameras.end())
     return InvalidArgument("the plan does not use this camera there");
