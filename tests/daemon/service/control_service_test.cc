@@ -87,6 +87,38 @@ TEST_F(ControlServiceTest, StatusCarriesReadingsWithTheirAge) {
   EXPECT_DOUBLE_EQ(reply.readings(0).age_s(), 1.5);
 }
 
+TEST_F(ControlServiceTest, APromptIsShownAndAcknowledged) {
+  SequencerStatus waiting;
+  waiting.state = SequencerState::kWaiting;
+  waiting.prompt = OperatorPrompt{3, "Mount the laser", "slant", false, true, false};
+  sequencer_.SetStatus(waiting);
+  v1::StatusReply status;
+  {
+    grpc::ClientContext context;
+    ASSERT_TRUE(control_->GetStatus(&context, v1::StatusRequest(), &status).ok());
+  }
+  EXPECT_EQ(status.state(), v1::WAITING);
+  EXPECT_EQ(status.prompt().id(), 3u);
+  EXPECT_EQ(status.prompt().mount(), "slant");
+  EXPECT_TRUE(status.prompt().door_cycled());
+  EXPECT_FALSE(status.prompt().acknowledged());
+  v1::AcknowledgeRequest request;
+  v1::AcknowledgeReply reply;
+  request.set_prompt_id(2);
+  {
+    grpc::ClientContext context;
+    EXPECT_EQ(control_->Acknowledge(&context, request, &reply).error_code(),
+              grpc::StatusCode::FAILED_PRECONDITION);
+  }
+  request.set_prompt_id(3);
+  grpc::ClientContext context;
+  EXPECT_TRUE(control_->Acknowledge(&context, request, &reply).ok());
+  EXPECT_TRUE(sequencer_.GetStatus().prompt->acknowledged);
+  // A plan that waits is a plan that runs: no second one.
+  v1::RunReply run;
+  EXPECT_EQ(Run(PlanText(), &run).error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+}
+
 TEST_F(ControlServiceTest, WatchReplaysAndFollows) {
   v1::RunReply run;
   ASSERT_TRUE(Run(PlanText(), &run).ok());

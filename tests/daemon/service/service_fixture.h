@@ -33,6 +33,13 @@ class FakeSequencer final : public Sequencer {
     stopped_.emplace_back(reason);
     return OkStatus();
   }
+  Status Acknowledge(uint32_t prompt_id) override {
+    MutexLock lock(mutex_);
+    if (!status_.prompt || status_.prompt->id != prompt_id)
+      return FailedPrecondition("not that one");
+    status_.prompt->acknowledged = true;
+    return OkStatus();
+  }
   SequencerStatus GetStatus() const override {
     MutexLock lock(mutex_);
     return status_;
