@@ -24,12 +24,11 @@ struct MdfErrors : MdfFigures {
   std::vector<MdfRing> by_view_theta;  // all views, in rings of one degree, ascending
 };
 
-// 60 degrees, and what a camera that is mounted there gains by the reference plane's height above the
-// turntable (0.25 degrees for 4 mm at 800 mm).
-inline constexpr double kMdfThetaLimit = RadFromDeg(60.5);
+inline constexpr double kMdfThetaLimit = RadFromDeg(60);
 
 // `truth`: confidence 0 marks texels without one. Views more than half a degree beyond
-// `theta_limit_rad` do not count (but have rings).
+// `theta_limit_rad` do not count (but have rings): a camera at 60 degrees from the turntable's centre
+// stands a quarter of a degree flatter over the reference plane.
 // InvalidArgument when sizes, pitch, h_ref or views differ (1e-4 rad, 1e-6 of lengths), when no
 // view lies within the limit, or when nothing was measured there.
 StatusOr<MdfErrors> CompareMdf(const Mdf& mdf, const Mdf& truth,
