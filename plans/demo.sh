@@ -147,7 +147,8 @@ fi
 # report.json: every figure beside the time that it took.
 pictures() {  # file|caption|section lines to JSON, for the files that are there
   while IFS='|' read -r file caption section; do
-    [ -f "$out/$file" ] && jq -n --arg file "$file" --arg caption "$caption" --arg section "$section" \
+    [ -f "$out/$file" ] || continue
+    jq -n --arg file "$file" --arg caption "$caption" --arg section "$section" \
       '{$file, $caption, $section}'
   done | jq -s .
 }
