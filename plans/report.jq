@@ -23,9 +23,10 @@ def round2: . * 100 | round / 100;
     },
     render: ($s.render_demo | pick(["ms_per_frame", "renderer"])
       + {megapixels: (.width_px * .height_px / 1e6)}
-      + ($s.silhouette | {silhouette_iou, silhouette_iou_btf_only, band_pixels,
+      + ($s.silhouette | {silhouette_iou, silhouette_iou_btf_only,
                           silhouette_ms_per_frame: .ms_per_frame,
-                          peeling_passes: .silhouettes.passes, traced_wall_s: .stage_wall_s})),
+                          silhouette_passes: .silhouettes.passes,
+                          silhouette_wall_s: .stage_wall_s})),
     stripe: ($s.stripe | if . then pick(["position_std_px", "position_mad_px", "fitted"])
                                    + {wall_s: .stage_wall_s} else null end),
     real: ({cat: $s.real_cat, owl: $s.real_owl} | with_entries(select(.value != null))
@@ -33,12 +34,10 @@ def round2: . * 100 | round / 100;
     stages: ([
       {name: "capture", wall_s: $s.capture.wall_s,
        figure: "\($s.capture.frames_on_disk) of \($s.capture.frames_planned) frames durable"},
-      {name: "BTF built (computing)", wall_s: $s.capture.processing_s,
-       figure: "\($s.btf.psnr_db | round2) dB against truth"},
+      {name: "BTF and MDF built (computing)", wall_s: $s.capture.processing_s,
+       figure: "BTF \($s.btf.psnr_db | round2) dB against truth; MDF median |error| \($s.mdf.median_abs_mm * 1e4 | round / 1e4) mm, \($s.mdf.coverage * 1e4 | round / 100) % measured"},
       {name: "truth of the simulator", wall_s: $s.truth.stage_wall_s,
        figure: "standard error \($s.truth.standard_error | . * 1e4 | round / 1e4) 1/sr"},
-      {name: "MDF, built with the BTF", wall_s: $s.capture.processing_s,
-       figure: "median |error| \($s.mdf.median_abs_mm * 1e4 | round / 1e4) mm, \($s.mdf.coverage * 1e4 | round / 100) % measured"},
       {name: "view-svd, four terms", wall_s: $s.svd4.encode_s,
        figure: "\($s.svd4.psnr_db | round2) dB, 1:\($s.svd4.ratio | round)"},
       {name: "rendering", wall_s: $s.render_demo.stage_wall_s,

@@ -1,5 +1,6 @@
 #include "processing/report/report.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "processing/report/figures.h"
@@ -173,13 +174,14 @@ class Builder {
   void RenderAndReal() {
     const json* render = nullptr;
     if (Has("rendering", {"render"}, render)) {
-      Rows rows = {{}, {}};
+      Rows rows = {{"figure", "value"}};
       for (const auto& [key, value] : render->items()) {
         if (!value.is_number()) continue;
-        rows[0].push_back(key == "ms_per_frame" ? "ms per frame" : key);
-        rows[1].push_back(Significant(NumberIn(*render, key)));
+        std::string name = key;
+        std::replace(name.begin(), name.end(), '_', ' ');
+        rows.push_back({name, Significant(NumberIn(*render, key))});
       }
-      if (!rows[0].empty()) body_ += Section("Rendering", Table(rows));
+      if (rows.size() > 1) body_ += Section("Rendering", Table(rows));
     }
     const json* real = nullptr;
     if (!Has("real photographs", {"real"}, real)) return;
