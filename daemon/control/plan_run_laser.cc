@@ -83,7 +83,6 @@ Status PlanRun::SweepOnce(const Step& step, Owed& owed, Status& missing) {
   const double steps = std::max(1.0, sweep.frames - 1.0);
   const double wanted = (sweep.tilt_to_rad - sweep.tilt_from_rad) / steps * sweep.frame_rate_hz;
   MESORIG_RETURN_IF_ERROR(laser.Prepare(sweep.tilt_from_rad, wanted));
-  MESORIG_RETURN_IF_ERROR(context_.gate->Open());
   Status status = ShootSweepFrames(step, wanted, owed, missing);
   // Also after an error: the laser goes off before anything else happens.
   const Status halted = laser.Stop();
@@ -101,6 +100,7 @@ Status PlanRun::ShootSweepFrames(const Step& step, double rate_rad_s, Owed& owed
   const double period_s = (sweep.tilt_to_rad - sweep.tilt_from_rad) / steps / rate;
   MESORIG_RETURN_IF_ERROR(
       laser.AwaitTilt(sweep.tilt_from_rad, context_.clock.Now() + FromSeconds(kRunUpMargin_s)));
+  MESORIG_RETURN_IF_ERROR(context_.gate->Open());
   const RigTime start = context_.clock.Now();
   for (uint32_t i = 0; i < sweep.frames; ++i) {
     const Status waited =

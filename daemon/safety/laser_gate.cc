@@ -24,28 +24,29 @@ LaserGate::~LaserGate() {
   });
 }
 
+// An edge that is due at the instant at which the gate is shut is still given: which of the two
+// threads runs first at one instant must not matter (docs/lockstep.md).
 void LaserGate::Loop() {
+  RigTime due = kNever;  // of the next edge
   for (;;) {
-    clock_.WaitUntil(kNever, [&] { return open_ || ending_; });
+    clock_.WaitUntil(due, [&] { return ending_ || open_ != (due != kNever); });
     const RigTime now = clock_.Now();
     bool pet = false, hung = false, ending = false;
     clock_.Change([&] {
       ending = ending_;
       hung = open_ && now - progress_ > FromSeconds(kProgressLimit_s);
       if (hung || stop_.RaisedInsideChange()) open_ = false;
-      pet = open_;
+      pet = (open_ && (due == kNever || now >= due)) || (shut_at_ == due && now == due);
+      due = !open_ ? kNever : pet ? now + FromSeconds(kPetPeriod_s) : due;
     });
     if (ending) return;
     if (hung) spdlog::error("laser gate: no progress for {} s: no more edges", kProgressLimit_s);
     if (!pet) continue;
     Status status = lines_->Write(numbers_.laser_trigger, true);
     if (status.ok()) status = lines_->Write(numbers_.laser_trigger, false);
-    if (!status.ok()) {
-      spdlog::error("laser gate: {}", Message(status));
-      Shut();
-      continue;
-    }
-    clock_.WaitFor(FromSeconds(kPetPeriod_s), [&] { return !open_ || ending_; });
+    if (status.ok()) continue;
+    spdlog::error("laser gate: {}", Message(status));
+    Shut();
   }
 }
 
@@ -59,6 +60,7 @@ StatusOr<bool> LaserGate::Shines() const {
 Status LaserGate::AwaitLevel(bool on) {
   const RigTime deadline = clock_.Now() + FromSeconds(kLaserOneShot_s + kLevelMargin_s);
   for (;;) {
+    clock_.SleepFor(kPoll);  // first: the edge of this instant may not be given yet
     MESORIG_ASSIGN_OR_RETURN(const bool shines, Shines());
     if (shines == on) return OkStatus();
     if (clock_.Now() >= deadline) {
@@ -66,7 +68,6 @@ Status LaserGate::AwaitLevel(bool on) {
                          shines ? "on" : "off", kLaserOneShot_s + kLevelMargin_s,
                          on ? "on" : "off");
     }
-    clock_.SleepFor(kPoll);
   }
 }
 
@@ -92,7 +93,11 @@ Status LaserGate::Close() {
 }
 
 void LaserGate::Shut() {
-  clock_.Change([&] { open_ = false; });
+  const RigTime now = clock_.Now();
+  clock_.Change([&] {
+    if (open_) shut_at_ = now;
+    open_ = false;
+  });
 }
 
 }  // namespace mesorig::daemon

@@ -42,7 +42,7 @@ class LaserGate {
   StopFlag& stop_;
   // Guarded by the clock's lock:
   bool open_ = false, ending_ = false;
-  RigTime progress_{};
+  RigTime progress_{}, shut_at_ = RigTime::min();
   RigThread thread_;
 };
 

@@ -48,7 +48,9 @@ class RunningRig {
     if (processing_ == nullptr) arguments.push_back("--no-products");
     const Outcome outcome = Mesorig(arguments);
     EXPECT_EQ(outcome.code, 0) << outcome.text << Logs();
-    const auto json = nlohmann::json::parse(outcome.text, nullptr, false);
+    // (Prompts come first, on stderr.)
+    const auto json = nlohmann::json::parse(
+        outcome.text.substr(std::min(outcome.text.size(), outcome.text.find('{'))), nullptr, false);
     EXPECT_TRUE(json.is_object()) << outcome.text;
     return json.is_object() ? json : nlohmann::json::object();
   }
