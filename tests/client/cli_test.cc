@@ -55,7 +55,7 @@ TEST(Cli, UsageErrorsExitWithTwo) {
 }
 
 TEST(Cli, NoDaemon) {
-  for (const char* command : {"status", "watch", "stop", "sessions"}) {
+  for (const char* command : {"status", "watch", "stop", "acknowledge", "sessions"}) {
     const Outcome outcome = Mesorig(fmt::format("{} {}", command, kNowhere));
     EXPECT_EQ(outcome.code, 1) << command;
     EXPECT_THAT(outcome.text, HasSubstr("mesorigd is not running")) << command;

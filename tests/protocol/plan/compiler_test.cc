@@ -106,6 +106,24 @@ TEST(PlanCompiler, MoveTimesByHand) {
   EXPECT_DOUBLE_EQ(MoveSeconds(axis, 5), 3) << "5/2 + 2/4";
 }
 
+// Wang et al. 2005, Sec. 3.2: 26 laser source positions.
+TEST(PlanCompiler, ThePapersCaptureHas26LaserSources) {
+  const Rig rig = LoadRig(kSource + "/rigs/wang2005.toml").value();
+  const auto plan = CompilePlanFile(kSource + "/plans/wang2005.toml", rig);
+  ASSERT_TRUE(plan.ok()) << plan.status();
+  EXPECT_EQ(plan->prompts, 6u);
+  EXPECT_EQ(plan->sweeps, 26u * 12);
+  EXPECT_EQ(plan->frames_blocked, 0u);
+  const auto arc = static_cast<size_t>(rig.FindAxis("light_arc").value());
+  std::set<std::pair<int, double>> sources;
+  std::vector<double> at;
+  for (const Step& step : plan->steps) {
+    if (step.kind == StepKind::kMoveAxes) at = step.axis_rad;
+    if (step.kind == StepKind::kSweep) sources.emplace(step.sweep.mount, at[arc]);
+  }
+  EXPECT_EQ(sources.size(), 26u);
+}
+
 std::string WithSweep(std::string_view from = "", std::string_view to = "") {
   std::string sweep = R"([[sweep]]
 mounts = ["slant", "zenith"]
