@@ -2,6 +2,16 @@
 # `mesorig::<top>_<folder>`; registry folders (drivers, codecs, exchange) hold one library a
 # subfolder, and their registry table is generated from the calls below.
 
+# Optimising costs more than it gains in tests, and under sanitizers in all that computes little: CI
+# has two cores. Pixels, rays and factors stay optimised.
+function(mesorig_optimise name kind)
+  if(MESORIG_SANITIZE AND (kind STREQUAL "test" OR name MATCHES "^(protocol|daemon|client)_"))
+    target_compile_options(${name} PRIVATE -O0)
+  elseif(kind STREQUAL "test")
+    target_compile_options(${name} PRIVATE -O1)
+  endif()
+endfunction()
+
 # mesorig_add_library(processing_btf SOURCES a.cc b.cc LINK mesorig::protocol_base ...)
 function(mesorig_add_library name)
   cmake_parse_arguments(arg "" "" "SOURCES;LINK" ${ARGN})
@@ -9,6 +19,7 @@ function(mesorig_add_library name)
   add_library(mesorig::${name} ALIAS ${name})
   target_include_directories(${name} PUBLIC ${CMAKE_SOURCE_DIR} ${CMAKE_BINARY_DIR}/generated)
   target_link_libraries(${name} PUBLIC ${arg_LINK})
+  mesorig_optimise(${name} library)
   set_property(GLOBAL APPEND PROPERTY MESORIG_LIBRARIES ${name})
 endfunction()
 
@@ -36,6 +47,7 @@ function(mesorig_add_test name)
   target_link_libraries(${name} PRIVATE ${arg_LINK} GTest::gmock GTest::gtest_main)
   target_compile_definitions(${name} PRIVATE MESORIG_SOURCE_DIR="${CMAKE_SOURCE_DIR}"
                              MESORIG_BIN_DIR="${CMAKE_BINARY_DIR}/bin")
+  mesorig_optimise(${name} test)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   add_test(NAME ${name} COMMAND ${name})
   if(NOT arg_TIMEOUT)
