@@ -3,6 +3,7 @@
 namespace mesorig::daemon {
 
 Status OperatorDesk::Ask(std::string text, std::string mount, const std::function<void()>& posted) {
+  MESORIG_RETURN_IF_ERROR(stop_.Check());  // nobody is sent to a rig that comes to rest
   chain_.BeginVisit();
   clock_.Change([&] {
     OperatorPrompt prompt;

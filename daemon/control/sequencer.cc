@@ -272,7 +272,11 @@ Status SequencerImpl::RunInActivity(const Job& job, Times& times) {
       if (const Status stop = devices_.stop->Check(); !stop.ok()) status = stop;
       // An open chain cuts torque and lamps: what the devices then report is not the reason.
       if (!absl::IsCancelled(status)) (void)chain_.Check();
-      if (const Status opening = chain_.Opening(); !opening.ok()) status = opening;
+      // Of a stop and an opening the one that came first is the reason.
+      const Status opening = chain_.Opening();
+      if (!opening.ok() && (!absl::IsCancelled(status) || Message(status) == Message(opening))) {
+        status = opening;
+      }
     }
     chain_.Disarm();
   }
