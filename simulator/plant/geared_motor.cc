@@ -78,8 +78,8 @@ RigTime GearedMotor::WhenAt(double angle_rad) const {
   const double latest =
       (std::abs(angle_rad - move.angle) + std::abs(move.speed - v) * move.time_constant_s) /
       std::abs(v);
+  if (!(latest < 1e8)) return kNever;  // three years; nanoseconds end after 292
   RigTime low = move.start, high = move.start + FromSeconds(latest) + RigTime(1);
-  if (!(latest < 1e8)) return kNever;  // three years
   while (high - low > RigTime(1)) {
     const RigTime middle = low + (high - low) / 2;
     (there(middle) ? high : low) = middle;
