@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <random>
 #include <string>
@@ -191,6 +192,24 @@ inline Replay ReadAll(Session& session, int camera, uint64_t upto) {
     }
   }
   return replay;
+}
+
+// Reads one camera's frames until the session has ended and there are no more. False after an
+// error.
+inline bool FollowToEnd(Session& session, int camera,
+                        const std::function<void(const StoredFrame&)>& visit) {
+  for (uint64_t cursor = 0;;) {
+    // Looked at first: an end, then nothing, means that there is no more.
+    const bool ended = session.Summary().end != SessionEnd::kOpen;
+    const auto frame = session.Next(camera, cursor, 1000);
+    if (!frame.ok()) return false;
+    if (frame->has_value()) {
+      visit(**frame);
+      cursor = (*frame)->record.sequence;
+    } else if (ended) {
+      return true;
+    }
+  }
 }
 
 }  // namespace mesorig::daemon

@@ -113,20 +113,14 @@ TEST_F(SessionTest, ConsumersSeeEveryFrameOnceInOrder) {
   for (int i = 0; i < 16; ++i) {
     consumers.emplace_back([&, camera = i % 8] {
       uint64_t cursor = 0;
-      for (;;) {
-        const bool ended = session->Summary().end != SessionEnd::kOpen;
-        const auto frame = session->Next(camera, cursor, 1000);
-        if (!frame.ok()) return void(++wrong);
-        if (!frame->has_value()) {
-          if (ended) break;
-          continue;
-        }
-        const FrameRecord& r = (*frame)->record;
+      const bool followed = FollowToEnd(*session, camera, [&](const StoredFrame& frame) {
+        const FrameRecord& r = frame.record;
         if (r.sequence != cursor + 1 || r.shot != cursor || r.camera != camera) ++wrong;
-        if (*(*frame)->pixels != *PixelsOf(camera, r.shot)) ++wrong;
+        if (*frame.pixels != *PixelsOf(camera, r.shot)) ++wrong;
         if (session->Summary().frames_durable < r.sequence) ++wrong;
         cursor = r.sequence;
-      }
+      });
+      if (!followed) ++wrong;
       if (cursor != 16) ++wrong;
     });
   }

@@ -245,20 +245,13 @@ TEST_F(SweepFrames, ConsumersGoOnWhileSweepsAreReleased) {
     consumers.emplace_back([&, camera = i % 8] {
       uint64_t cursor = 0;
       uint32_t kept = 0;
-      for (;;) {
-        const bool ended = session->Summary().end != SessionEnd::kOpen;
-        const auto frame = session->Next(camera, cursor, 1000);
-        if (!frame.ok()) return void(++wrong);
-        if (!frame->has_value()) {
-          if (ended) break;
-          continue;
-        }
-        const FrameRecord& r = (*frame)->record;
-        if (r.sequence <= cursor || *(*frame)->pixels != *PixelsOf(camera, r.shot, r.bytes))
-          ++wrong;
+      const bool followed = FollowToEnd(*session, camera, [&](const StoredFrame& frame) {
+        const FrameRecord& r = frame.record;
+        if (r.sequence <= cursor || *frame.pixels != *PixelsOf(camera, r.shot, r.bytes)) ++wrong;
         kept += r.segment == 0;
         cursor = r.sequence;
-      }
+      });
+      if (!followed) ++wrong;
       if (kept != (camera == 1 || camera == 3 ? 11u : 8u)) ++wrong;
     });
   }

@@ -99,6 +99,16 @@ Judged Judge(const btf::Mdf& mdf, int view, const Relief& relief) {
   return judged;
 }
 
+void ExpectRelief(const char* name, const btf::Mdf& mdf, int view, const Relief& relief,
+                  double most_median_mm, double least_within, double least_coverage) {
+  const Judged judged = Judge(mdf, view, relief);
+  EXPECT_LT(judged.median, most_median_mm) << "view " << view;
+  EXPECT_GT(judged.within, least_within) << "view " << view;
+  EXPECT_GT(judged.coverage, least_coverage) << "view " << view;
+  std::printf("%s, view %d: median %.3f mm, within %.3f, coverage %.3f\n", name, view,
+              judged.median, judged.within, judged.coverage);
+}
+
 class MdfBuilderTest : public ::testing::Test {
  protected:
   std::unique_ptr<MdfBuilder> Builder(const CompiledPlan& plan) {
@@ -123,12 +133,7 @@ TEST_F(MdfBuilderTest, PlaneAtKnownHeight) {
   ASSERT_EQ(figures.views, 3);
   EXPECT_EQ(figures.images, 6u);
   for (int v = 0; v < 3; ++v) {
-    const Judged judged = Judge(*mdf, v, scene.relief);
-    EXPECT_LT(judged.median, 0.08) << "view " << v;
-    EXPECT_GT(judged.within, 0.97) << "view " << v;
-    EXPECT_GT(judged.coverage, 0.95) << "view " << v;
-    std::printf("plane, view %d: median %.3f mm, within %.3f, coverage %.3f\n", v, judged.median,
-                judged.within, judged.coverage);
+    ExpectRelief("plane", *mdf, v, scene.relief, 0.08, 0.97, 0.95);
   }
   // By hand: a camera 800 mm away at 60 degrees stands at (692.820, 0, 400); from (0, 0, 4.2) its
   // direction is (692.820, 0, 395.8) / 797.908 = (0.868297, 0, 0.496047). From the reference plane
@@ -154,12 +159,7 @@ TEST_F(MdfBuilderTest, Staircase) {
   const auto mdf = builder->Build(figures);
   ASSERT_TRUE(mdf.ok()) << mdf.status();
   for (int v = 0; v < 3; ++v) {
-    const Judged judged = Judge(*mdf, v, scene.relief);
-    EXPECT_LT(judged.median, 0.1) << "view " << v;
-    EXPECT_GT(judged.within, 0.93) << "view " << v;
-    EXPECT_GT(judged.coverage, 0.9) << "view " << v;
-    std::printf("stairs, view %d: median %.3f mm, within %.3f, coverage %.3f\n", v, judged.median,
-                judged.within, judged.coverage);
+    ExpectRelief("stairs", *mdf, v, scene.relief, 0.1, 0.93, 0.9);
   }
 }
 

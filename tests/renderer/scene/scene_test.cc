@@ -8,6 +8,7 @@
 #include "protocol/base/file_writer.h"
 #include "renderer/scene/mesh.h"
 #include "renderer/scene/view_transform.h"
+#include "tests/fixtures/damaged_text.h"
 
 namespace mesorig::renderer {
 namespace {
@@ -126,22 +127,8 @@ TEST(SceneTest, GarbageIsRefusedAndNeverCrashes) {
   std::mt19937 random(7);
   int refused = 0;
   for (int i = 0; i < 3000; ++i) {
-    std::string text = kScene;
-    for (int k = static_cast<int>(random() % 4); k >= 0; --k) {
-      const size_t at = random() % text.size();
-      switch (random() % 3) {
-        case 0:
-          text[at] = static_cast<char>(random() % 256);
-          break;
-        case 1:
-          text.erase(at, random() % 9);
-          break;
-        default:
-          text.insert(at, 1, "[]={}\"\n.-9e"[random() % 11]);
-          break;
-      }
-      if (text.empty()) text = "x";
-    }
+    const int edits = 1 + static_cast<int>(random() % 4);
+    const std::string text = test::Damaged(kScene, random, edits, "[]={}\"\n.-9e");
     const auto scene = Parse(text);
     if (!scene.ok()) {
       ++refused;

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "protocol/base/file_writer.h"
+#include "tests/fixtures/damaged_text.h"
 
 namespace mesorig::renderer {
 namespace {
@@ -93,20 +94,7 @@ TEST(ReliefTest, HostileBytesAreRefusedOrReadAndNeverCrash) {
   for (int i = 0; i < 4000; ++i) {
     std::string text = kRoof;
     if (random() % 4 == 0) text.resize(random() % text.size());
-    for (int k = static_cast<int>(random() % 4); k > 0 && !text.empty(); --k) {
-      const size_t at = random() % text.size();
-      switch (random() % 3) {
-        case 0:
-          text[at] = static_cast<char>(random() % 256);
-          break;
-        case 1:
-          text.erase(at, random() % 9);
-          break;
-        default:
-          text.insert(at, 1, "0123456789-./ efnv\n"[random() % 19]);
-          break;
-      }
-    }
+    text = test::Damaged(text, random, static_cast<int>(random() % 4), "0123456789-./ efnv\n");
     const auto mesh = Parse(text);
     if (!mesh.ok()) {
       ++refused;
