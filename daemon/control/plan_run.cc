@@ -78,6 +78,9 @@ Status PlanRun::RunStep(const Step& step) {
       return Mount(step.sweep.mount);
     case StepKind::kSweep:
       return RunSweep(step);
+    case StepKind::kPrompt:
+    case StepKind::kMeter:
+      return Unimplemented("plan {}: prompts and metering", plan_.name);
   }
   return Internal("plan {}: a step of unknown kind {}", plan_.name, static_cast<int>(step.kind));
 }

@@ -45,6 +45,28 @@ struct StoredFrame {
   std::shared_ptr<const std::string> pixels;
 };
 
+// What a session's journal holds beside its frames, in order of time.
+enum class JournalKind : uint8_t {
+  kBegan = 1,      // the first start
+  kResumed = 2,    // a later one, after a kill or an end that was incomplete
+  kPaused = 3,
+  kContinued = 4,  // after a pause, or an operator's visit
+  kPrompt = 5,
+  kRecovered = 6,  // a device was gone and came back
+  kExposure = 7,   // metering chose `value` s for the meter `index`
+  kReference = 8,  // after a resume: relative difference `value` to the frame taken before
+  kAlarm = 9,      // a picture that somebody should look at; `index`: the camera
+  kNote = 10,
+  kEnded = 11,
+};
+struct JournalEntry {
+  JournalKind kind{};
+  int64_t rig_ns = 0;  // rig time
+  int index = -1;
+  double value = 0;
+  std::string text;
+};
+
 enum class SessionEnd { kOpen, kComplete, kIncomplete };
 
 struct SessionSummary {
@@ -75,6 +97,13 @@ class Session {
   // FailedPrecondition for another version of the format. Goes on with removing what was released.
   static StatusOr<std::shared_ptr<Session>> Open(const std::filesystem::path& root,
                                                  const std::string& id);
+  // Opens one that was killed or ended incomplete, to go on writing it: what is durable stays, torn
+  // tails are cut off, its end is open again. InvalidArgument when its rig is not `rig` (digest);
+  // FailedPrecondition when it is complete; otherwise as Open. Takes time for reading the journal,
+  // none for the frames.
+  static StatusOr<std::shared_ptr<Session>> Resume(const std::filesystem::path& root,
+                                                   const std::string& id, const Rig& rig,
+                                                   SessionOptions options = {});
   virtual ~Session() = default;
 
   virtual const std::string& id() const = 0;
@@ -83,12 +112,29 @@ class Session {
   virtual SessionSummary Summary() const = 0;
 
   // Queues the frame for its camera's segment; durable (acknowledged) within 100 ms of host time.
-  // An earlier failure of the writer comes back here (Unavailable: file, operation, bytes): the
-  // session is then broken. Blocks, in host time, while SessionOptions::max_queued_bytes wait for
+  // A frame of a shot that has a live one supersedes it. A failure that no waiting mends (a damaged
+  // journal) comes back here: the session is then broken. Blocks, in host time, while SessionOptions::max_queued_bytes wait for
   // the disk; as the caller is a rig thread, virtual time stands still meanwhile. InvalidArgument
   // for a camera that the rig lacks, or pixels that are not width x height of `bits` bits;
   // FailedPrecondition for a frame of a released sweep.
   virtual Status Append(FrameRecord record, std::shared_ptr<const std::string> pixels) = 0;
+  // Cameras of a planned shot that have no live frame: none appended, or what was is damaged.
+  // Ascending. Any number of calls a shot: costs nothing.
+  virtual std::vector<int> Missing(uint32_t shot) const;
+  // Journals; durable with the next group of frames, or the next Flush. Errors as Append.
+  virtual Status Record(JournalEntry entry);
+  // What metering chose for this meter, in this run or before a kill.
+  virtual std::optional<double> MeteredExposure(int meter) const;
+  // The last durable lamp frame (not of a sweep) whose pixels are whole; nothing: there is none.
+  virtual StatusOr<std::optional<StoredFrame>> Reference();
+  // Reads every live frame again after a Flush. Damaged ones are no longer live: Missing tells them,
+  // and the frame that comes in their place supersedes them. Returns how many there were.
+  virtual StatusOr<uint32_t> DropDamaged();
+  // OK, or why the disk takes nothing at the moment (Unavailable: file, operation, reason, bytes that
+  // wait): full, read-only, failing. What was appended waits in memory and is tried again; the
+  // sequencer pauses until it is OK again. The listener hears changes, on the writer's thread; one.
+  virtual Status Storage() const;
+  virtual void OnStorage(std::function<void(const Status&)> listener);
   // Returns when everything appended is durable.
   virtual Status Flush() = 0;
   // Reconciles (planned shots = triggers, frames = sum of cameras, all in the ledger, digests of

@@ -100,6 +100,9 @@ bool FitsRig(const Step& step, const Rig& rig) {
       if (!rig.laser || step.sweep.mount < 0) return false;
       if (step.sweep.mount >= static_cast<int>(rig.laser->mounts.size())) return false;
       return step.kind == StepKind::kMount || (CamerasFit(step, rig) && SweepFits(step, rig));
+    case StepKind::kPrompt:
+    case StepKind::kMeter:
+      return false;
   }
   return false;
 }

@@ -20,12 +20,24 @@ struct Product {
   double h_ref_mm = 0;  // reference plane, above the top of the mesostructure
 };
 
+// Moves and lamps say how the rig must stand for the shots that follow; a shot, a metering or a sweep
+// begins when it does (docs/running.md, "One shot after the other").
 enum class StepKind : uint8_t {
-  kMoveAxes = 1,  // all axes to axis_rad, waits until every one is there
-  kLamp = 2,      // switches to `lamp` alone (-1: all off) and waits until its light is steady
+  kMoveAxes = 1,  // all axes at axis_rad, and settle_s at rest
+  kLamp = 2,      // `lamp` alone (-1: all off), its light steady
   kShot = 3,      // one trigger of `cameras`, all with exposure_s
   kMount = 4,     // the operator mounts the laser at `sweep.mount`; everything is off meanwhile
   kSweep = 5,     // the laser sweeps; `cameras` are triggered sweep.frames times with exposure_s
+  kPrompt = 6,    // the operator does `text`; everything is off meanwhile
+  kMeter = 7,     // chooses the exposure of the shots with this `meter` from ladder_s
+};
+
+// What a shot is for.
+enum class Purpose : uint8_t {
+  kData = 0,     // the sample under one lamp, or a sweep
+  kAmbient = 1,  // all lamps off: what light leaks in
+  kDark = 2,     // all lamps off, lenses capped (a kPrompt stands before)
+  kFlat = 3,     // a white diffuser in the sample's place, under one lamp (a kPrompt stands before)
 };
 
 // One sweep of the laser (docs/laser.md). Each of its triggers is a shot of its own.
@@ -44,9 +56,15 @@ struct Step {
   std::vector<double> axis_rad;  // kMoveAxes: one per Rig::axes
   int lamp = -1;                 // kLamp
   uint32_t shot = 0;             // kShot: 0-based, in order of running; kSweep: of its first frame
-  double exposure_s = 0;         // kShot, kSweep
-  std::vector<int> cameras;      // kShot, kSweep: indices into Rig::cameras, ascending
+  double exposure_s = 0;         // kShot, kSweep; of a metered shot the longest of its ladder
+  std::vector<int> cameras;      // kShot, kSweep, kMeter: indices into Rig::cameras, ascending
   Sweep sweep;                   // kSweep; kMount: its mount
+  Purpose purpose = Purpose::kData;  // kShot
+  uint32_t repeat = 0;               // kShot: counts equal shots from 0; the cameras' repeat index
+  double settle_s = 0;               // kMoveAxes: vibration dies down after the last axis arrived
+  int meter = -1;                    // kMeter: its number; kShot: whose exposure it takes, -1: none
+  std::vector<double> ladder_s;      // kMeter: exposures to choose from, ascending
+  std::string text;                  // kPrompt: what the operator is asked to do
 };
 
 struct CompiledPlan {
