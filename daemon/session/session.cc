@@ -342,15 +342,6 @@ StatusOr<std::shared_ptr<Session>> Session::Open(const std::filesystem::path& ro
   return session;
 }
 
-// Of sessions that keep no such things.
-std::vector<int> Session::Missing(uint32_t) const { return {}; }
-Status Session::Record(JournalEntry) { return Unimplemented("this session keeps no journal"); }
-std::optional<double> Session::MeteredExposure(int) const { return std::nullopt; }
-StatusOr<std::optional<StoredFrame>> Session::Reference() { return std::optional<StoredFrame>(); }
-StatusOr<uint32_t> Session::DropDamaged() { return 0; }
-Status Session::Storage() const { return OkStatus(); }
-void Session::OnStorage(std::function<void(const Status&)>) {}
-
 StatusOr<std::shared_ptr<Session>> Session::Resume(const std::filesystem::path&, const std::string&,
                                                    const Rig&, SessionOptions) {
   return Unimplemented("resuming a session is not there yet");

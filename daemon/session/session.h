@@ -120,21 +120,21 @@ class Session {
   virtual Status Append(FrameRecord record, std::shared_ptr<const std::string> pixels) = 0;
   // Cameras of a planned shot that have no live frame: none appended, or what was is damaged.
   // Ascending. Any number of calls a shot: costs nothing.
-  virtual std::vector<int> Missing(uint32_t shot) const;
+  virtual std::vector<int> Missing(uint32_t shot) const { (void)shot; return {}; }
   // Journals; durable with the next group of frames, or the next Flush. Errors as Append.
-  virtual Status Record(JournalEntry entry);
+  virtual Status Record(JournalEntry) { return OkStatus(); }
   // What metering chose for this meter, in this run or before a kill.
-  virtual std::optional<double> MeteredExposure(int meter) const;
+  virtual std::optional<double> MeteredExposure(int) const { return std::nullopt; }
   // The last durable lamp frame (not of a sweep) whose pixels are whole; nothing: there is none.
-  virtual StatusOr<std::optional<StoredFrame>> Reference();
+  virtual StatusOr<std::optional<StoredFrame>> Reference() { return std::optional<StoredFrame>(); }
   // Reads every live frame again after a Flush. Damaged ones are no longer live: Missing tells them,
   // and the frame that comes in their place supersedes them. Returns how many there were.
-  virtual StatusOr<uint32_t> DropDamaged();
+  virtual StatusOr<uint32_t> DropDamaged() { return 0u; }
   // OK, or why the disk takes nothing at the moment (Unavailable: file, operation, reason, bytes that
   // wait): full, read-only, failing. What was appended waits in memory and is tried again; the
   // sequencer pauses until it is OK again. The listener hears changes, on the writer's thread; one.
-  virtual Status Storage() const;
-  virtual void OnStorage(std::function<void(const Status&)> listener);
+  virtual Status Storage() const { return OkStatus(); }
+  virtual void OnStorage(std::function<void(const Status&)>) {}
   // Returns when everything appended is durable.
   virtual Status Flush() = 0;
   // Reconciles (planned shots = triggers, frames = sum of cameras, all in the ledger, digests of
