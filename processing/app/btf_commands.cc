@@ -10,6 +10,7 @@
 #include "processing/btf/btf_file.h"
 #include "processing/btf/errors.h"
 #include "processing/btf/file_kind.h"
+#include "processing/btf/pixel_digest.h"
 #include "processing/exchange/importer.h"
 #include "processing/report/errors_by_angle.h"
 
@@ -120,6 +121,16 @@ Status Info(const std::filesystem::path& file, bool as_json) {
   fmt::print("  {} bytes, {} uncompressed\n", info.file_bytes,
              btf::UncompressedBytes(h, info.present));
   fmt::print("  provenance {}\n", h.provenance_json);
+  return OkStatus();
+}
+
+Status Digest(const std::filesystem::path& file, bool as_json) {
+  MESORIG_ASSIGN_OR_RETURN(const std::string digest, btf::PixelDigest(file));
+  if (as_json) {
+    Print({{"file", file.string()}, {"pixels", digest}});
+  } else {
+    fmt::print("{}  {}\n", digest, file.string());
+  }
   return OkStatus();
 }
 

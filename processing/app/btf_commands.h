@@ -13,6 +13,8 @@ namespace mesorig::processing {
 
 // Of a BTF or an MDF.
 Status Info(const std::filesystem::path& file, bool json);
+// btf/pixel_digest.h.
+Status Digest(const std::filesystem::path& file, bool json);
 
 Status Import(const std::filesystem::path& from, const std::string& format,
               const std::filesystem::path& to, bool json);

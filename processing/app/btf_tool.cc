@@ -79,6 +79,11 @@ void AddCommands(CLI::App& app, Arguments& a) {
   CLI::App* info = AddCommand(app, "info", "what a BTF or MDF file holds", a);
   info->add_option("file", a.from, "*.btf.exr or *.mdf.exr")->required();
 
+  CLI::App* digest = AddCommand(
+      app, "digest", "one digest of all pixels: equal for equal measurements, whoever made them when",
+      a);
+  digest->add_option("file", a.from, "*.btf.exr or *.mdf.exr")->required();
+
   CLI::App* import = AddCommand(app, "import", "a foreign format to a BTF file", a);
   import->add_option("from", a.from, "folder or file to read")->required();
   import->add_option("--format", a.format, Names(mesorig::exchange::AllImporters()))
@@ -146,6 +151,7 @@ void AddStripe(CLI::App& app, Arguments& a) {
 
 Status Run(const CLI::App& app, Arguments& a) {
   if (app.got_subcommand("info")) return processing::Info(a.from, a.json);
+  if (app.got_subcommand("digest")) return processing::Digest(a.from, a.json);
   if (app.got_subcommand("import")) return processing::Import(a.from, a.format, a.to, a.json);
   if (app.got_subcommand("report")) return processing::Report(a.from, a.to, a.json);
   if (app.got_subcommand("compare")) return processing::Compare(a.from, a.reference, a.by_angle, a.json);
