@@ -1,390 +1,308 @@
-// Plan file to steps. Order: turntable and arc outermost (they are slow), lamps innermost; each
-// axis grid is walked to and fro, so that no move is longer than needed. The last axis of the rig
-// moves fastest. Sweeps come after all grids; of all sweeps those of one laser mount together, so
-// that the operator is asked once for each.
+// From what a plan says to steps: prompts, calibration frames, metering, grids and lists, then
+// sweeps, those of one laser mount together, so that the operator is asked once for each.
 
 #include <algorithm>
-#include <cmath>
+#include <iterator>
+#include <map>
+#include <set>
 #include <utility>
 
 #include "protocol/base/file_writer.h"
-#include "protocol/base/toml_reader.h"
-#include "protocol/plan/plan.h"
+#include "protocol/plan/emitter.h"
+#include "protocol/plan/lower_bound.h"
+#include "protocol/plan/needs.h"
+#include "protocol/plan/order.h"
+#include "protocol/plan/plan_source.h"
+#include "protocol/plan/stations.h"
+#include "protocol/plan/timing.h"
 #include "protocol/rig/rig_geometry.h"
 
 namespace mesorig {
 namespace {
 
-using AxisAngles = std::vector<std::vector<double>>;  // per Rig::axes, in the order of the file
+constexpr char kCapsOn[] = "Put the caps on all lenses. Then close the door and press reset.";
+constexpr char kCapsOff[] = "Take the caps off all lenses. Then close the door and press reset.";
+constexpr char kDiffuserIn[] =
+    "Put the white diffuser in the sample's place. Then close the door and press reset.";
+constexpr char kSampleBack[] =
+    "Put the sample \"{}\" back in its place. Then close the door and press reset.";
 
-// One [[grid]]: every combination of the axes' angles, lamps and cameras.
-struct Grid {
-  AxisAngles axis_rad;
-  std::vector<int> lamps, cameras;
-  double exposure_s = 0;
-};
-
-// One [[sweep]]: every combination of mounts and the axes' angles.
-struct SweepGrid {
-  AxisAngles axis_rad;
-  std::vector<int> mounts, cameras;
-  double exposure_s = 0, frame_rate_hz = 0, from_mm = 0, to_mm = 0, region_radius_mm = 0;
-  uint32_t frames = 0;
-  bool keep_frames = true;
-};
-
-std::vector<double> ReadAngles(TomlTable grid, const Axis& axis) {
-  std::vector<double> degrees;
-  if (grid.Has("angles_deg")) {
-    degrees = grid.Numbers("angles_deg");
-    if (degrees.empty()) grid.Error("angles_deg", "is empty");
-  } else {
-    const double start = grid.Number("start_deg"), step = grid.NumberOr("step_deg", 0);
-    const auto count = grid.Integer("count", {1, 100000});
-    for (int64_t i = 0; i < count; ++i) degrees.push_back(start + static_cast<double>(i) * step);
-  }
-  for (double& a : degrees) {
-    // Degrees in files are decimal: a limit that is written as the same number must hold exactly.
-    const double rad = RadFromDeg(a);
-    if (rad < axis.min_rad - 1e-12 || rad > axis.max_rad + 1e-12) {
-      grid.Error("", fmt::format("axis {} to {} deg, its limits are {} to {} deg", axis.name, a,
-                                 DegFromRad(axis.min_rad), DegFromRad(axis.max_rad)));
-      return {};
-    }
-    a = std::clamp(rad, axis.min_rad, axis.max_rad);
-  }
-  return degrees;
-}
-
-template <typename Find, typename Items>
-std::vector<int> ReadNames(TomlTable& t, std::string_view key, const Items& items, Find find) {
-  std::vector<int> indices;
-  if (!t.Has(key)) {  // all
-    for (size_t i = 0; i < items.size(); ++i) indices.push_back(static_cast<int>(i));
-    return indices;
-  }
-  for (const std::string& name : t.Strings(key)) {
-    const std::optional<int> index = find(name);
-    if (!index) {
-      t.Error(key, fmt::format("names \"{}\", which the rig does not have", name));
-    } else if (std::find(indices.begin(), indices.end(), *index) != indices.end()) {
-      t.Error(key, fmt::format("names \"{}\" twice", name));
-    } else {
-      indices.push_back(*index);
-    }
-  }
-  std::sort(indices.begin(), indices.end());
-  return indices;
-}
-
-AxisAngles ReadAxes(TomlTable& t, const Rig& rig) {
-  AxisAngles angles;
-  TomlTable axes = t.Table("axes");
-  for (const Axis& axis : rig.axes) angles.push_back(ReadAngles(axes.Table(axis.name), axis));
-  return angles;
-}
-
-std::vector<int> ReadCameras(TomlTable& t, const Rig& rig) {
-  auto cameras = ReadNames(t, "cameras", rig.cameras, [&](auto& n) { return rig.FindCamera(n); });
-  if (cameras.empty()) t.Error("cameras", "is empty");
-  return cameras;
-}
-
-double ReadExposure(TomlTable& t, const Rig& rig, const std::vector<int>& cameras) {
-  const double exposure_s = t.Number("exposure_s");
-  for (const int c : cameras) {
-    const Camera& camera = rig.cameras[c];
-    if (exposure_s < camera.min_exposure_s || exposure_s > camera.max_exposure_s) {
-      t.Error("exposure_s", fmt::format("is {} s, camera {} does {} to {} s", exposure_s,
-                                        camera.name, camera.min_exposure_s, camera.max_exposure_s));
-    }
-  }
-  return exposure_s;
-}
-
-Grid ReadGrid(TomlTable t, const Rig& rig) {
-  Grid grid;
-  grid.axis_rad = ReadAxes(t, rig);
-  grid.lamps = ReadNames(t, "lamps", rig.lamps, [&](auto& n) { return rig.FindLamp(n); });
-  if (grid.lamps.empty()) t.Error("lamps", "is empty");
-  grid.cameras = ReadCameras(t, rig);
-  grid.exposure_s = ReadExposure(t, rig, grid.cameras);
-  return grid;
-}
-
-// The tilt whose stripe crosses the turntable at x (docs/laser.md).
-double TiltOfStripe(const LaserMount& mount, double x_mm) {
-  const double away = mount.distance_mm * std::sin(mount.theta_rad) - x_mm;
-  return std::atan2(away, mount.distance_mm * std::cos(mount.theta_rad)) - mount.theta_rad;
-}
-
-void CheckSweep(TomlTable& t, const Rig& rig, const SweepGrid& sweep) {
-  for (const char* key : {"from_mm", "to_mm"}) {
-    const double x = key[0] == 'f' ? sweep.from_mm : sweep.to_mm;
-    for (const int m : sweep.mounts) {
-      const LaserMount& mount = rig.laser->mounts[m];
-      const double tilt = TiltOfStripe(mount, x);
-      if (std::abs(tilt) <= rig.laser->max_tilt_rad) continue;
-      t.Error(key, fmt::format("needs the laser at {} tilted by {:.2f} deg, it does {:.2f} to both "
-                               "sides",
-                               mount.name, DegFromRad(tilt), DegFromRad(rig.laser->max_tilt_rad)));
-    }
-  }
-  if (sweep.from_mm == sweep.to_mm) t.Error("to_mm", "is where the sweep starts");
-  for (const int c : sweep.cameras) {
-    const double needed = sweep.exposure_s + rig.cameras[c].readout_s;
-    if (needed * sweep.frame_rate_hz <= 1) continue;
-    t.Error("frame_rate_hz",
-            fmt::format("is {}, camera {} exposes and reads out in {:.4f} s: at "
-                        "most {:.2f}",
-                        sweep.frame_rate_hz, rig.cameras[c].name, needed, 1 / needed));
-  }
-}
-
-SweepGrid ReadSweep(TomlTable t, const Rig& rig) {
-  SweepGrid sweep;
-  sweep.axis_rad = ReadAxes(t, rig);
-  sweep.cameras = ReadCameras(t, rig);
-  sweep.exposure_s = ReadExposure(t, rig, sweep.cameras);
-  sweep.frame_rate_hz = t.Number("frame_rate_hz", {0.01, 1000});
-  sweep.frames = static_cast<uint32_t>(t.Integer("frames", {3, 100000}));
-  sweep.from_mm = t.Number("from_mm", {-1e4, 1e4});
-  sweep.to_mm = t.Number("to_mm", {-1e4, 1e4});
-  sweep.region_radius_mm = t.Number("region_radius_mm", {1, 1e4});
-  sweep.keep_frames = t.Word("keep", {"frames", "displacements"}) == "frames";
-  if (!rig.laser) {
-    (void)t.Has("mounts");
-    t.Error("", "the rig has no [laser]");
-    return sweep;
-  }
-  sweep.mounts =
-      ReadNames(t, "mounts", rig.laser->mounts, [&](auto& n) { return rig.FindMount(n); });
-  if (sweep.mounts.empty()) t.Error("mounts", "is empty");
-  CheckSweep(t, rig, sweep);
-  return sweep;
-}
-
-// The way back of the emitter and its run-up, s.
-constexpr double kSweepStart_s = 2;
-
-// Emits steps and keeps the running estimate.
-class Emitter {
+// One compilation. Borrows rig and source.
+class Compiler {
  public:
-  Emitter(const Rig& rig, CompiledPlan& plan) : rig_(rig), plan_(plan) {
-    at_.assign(rig.axes.size(), 0.0);  // home
-  }
+  Compiler(const Rig& rig, const PlanSource& source, const Needs& needs)
+      : rig_(rig), source_(source), needs_(needs), emitter_(rig, plan_) {}
 
-  void MoveTo(const std::vector<double>& axis_rad) {
-    if (moved_ && axis_rad == at_) return;
-    moved_ = true;
-    double seconds = 0;
-    for (size_t i = 0; i < at_.size(); ++i) {
-      seconds = std::max(seconds, MoveSeconds(rig_.axes[i], axis_rad[i] - at_[i]));
+  StatusOr<CompiledPlan> Compile() {
+    FillHeader();
+    for (const DirectionSet& set : source_.sets) {
+      MESORIG_ASSIGN_OR_RETURN(LitSet lit,
+                               LightStations(rig_, set, needs_, source_.product.h_ref_mm));
+      plan_.frames_blocked += lit.frames_blocked;
+      plan_.frames_unneeded += lit.frames_unneeded;
+      lit_sets_.push_back(std::move(lit));
     }
-    plan_.seconds += seconds;
-    at_ = axis_rad;
-    Step step;
-    step.kind = StepKind::kMoveAxes;
-    step.axis_rad = axis_rad;
-    plan_.steps.push_back(step);
-  }
-  void Lamp(int lamp) {
-    Step step;
-    step.kind = StepKind::kLamp;
-    step.lamp = lamp;
-    plan_.steps.push_back(step);
-    if (lamp < 0) return;
-    plan_.seconds += rig_.lamps[lamp].settle_s;
-    plan_.lamp_seconds += rig_.lamps[lamp].settle_s;
-  }
-  void Shoot(const std::vector<int>& cameras, double exposure_s) {
-    Step step;
-    step.kind = StepKind::kShot;
-    step.shot = plan_.shots++;
-    step.exposure_s = exposure_s;
-    step.cameras = cameras;
-    plan_.steps.push_back(step);
-    double readout = 0;
-    for (const int camera : cameras) {
-      readout = std::max(readout, rig_.cameras[camera].readout_s);
-      plan_.frame_bytes += rig_.cameras[camera].frame_bytes();
-    }
-    plan_.frames += static_cast<uint32_t>(cameras.size());
-    plan_.seconds += exposure_s + readout;
-    plan_.lamp_seconds += exposure_s + readout;
-  }
-  void Mount(int mount) {
-    Step step;
-    step.kind = StepKind::kMount;
-    step.sweep.mount = mount;
-    plan_.steps.push_back(step);
-    ++plan_.prompts;
-  }
-  void RunSweep(const std::vector<int>& cameras, double exposure_s, Sweep sweep) {
-    sweep.index = plan_.sweeps++;
-    plan_.frames += sweep.frames * static_cast<uint32_t>(cameras.size());
-    plan_.seconds += kSweepStart_s + sweep.frames / sweep.frame_rate_hz;
-    for (size_t k = 0; k < cameras.size(); ++k) {
-      const Region& region = sweep.regions[k];
-      plan_.frame_bytes += static_cast<uint64_t>(sweep.frames) *
-                           static_cast<uint64_t>(region.width) *
-                           static_cast<uint64_t>(region.height) *
-                           static_cast<uint64_t>(rig_.cameras[cameras[k]].bytes_per_pixel());
-    }
-    Step step;
-    step.kind = StepKind::kSweep;
-    step.shot = plan_.shots;
-    step.exposure_s = exposure_s;
-    step.cameras = cameras;
-    plan_.shots += sweep.frames;
-    step.sweep = std::move(sweep);
-    plan_.steps.push_back(std::move(step));
+    EmitPrompts(true);
+    MESORIG_RETURN_IF_ERROR(EmitCalibrations());
+    EmitSets();
+    MESORIG_RETURN_IF_ERROR(EmitSweeps());
+    EmitPrompts(false);
+    emitter_.Finish();
+    const LowerBound bound = LowerBoundOf(plan_, rig_);
+    plan_.lower_bound_s = bound.seconds;
+    plan_.bottleneck = bound.resource;
+    return std::move(plan_);
   }
 
  private:
-  const Rig& rig_;
-  CompiledPlan& plan_;
-  std::vector<double> at_;
-  bool moved_ = false;
-};
-
-std::vector<int> UnblockedCameras(const Rig& rig, const std::vector<int>& cameras,
-                                  const std::vector<double>& axis_rad) {
-  std::vector<int> free;
-  for (const int c : cameras) {
-    const Vec3 camera = WorldFromCamera(rig, c, axis_rad).translation;
-    if (!BlockedBy(rig, camera, axis_rad)) free.push_back(c);
+  void FillHeader() {
+    plan_.name = source_.name;
+    plan_.sample_name = source_.sample.name;
+    plan_.sample_notes = source_.sample.notes;
+    plan_.sample_extent_mm = source_.sample.extent_mm;
+    plan_.sample_thickness_mm = source_.sample.thickness_mm;
+    plan_.sample_sha256 = Sha256OfSample(source_.sample);
+    plan_.rig_sha256 = rig_.sha256;
+    plan_.product = source_.product;
+    plan_.homing_s = HomingSeconds(rig_);
   }
-  return free;
-}
 
-// All lamps and cameras at one position of the axes.
-void EmitPosition(const Rig& rig, const Grid& grid, const std::vector<double>& axis_rad,
-                  Emitter& emitter, CompiledPlan& plan) {
-  const std::vector<int> cameras = UnblockedCameras(rig, grid.cameras, axis_rad);
-  std::vector<int> lamps;
-  for (const int l : grid.lamps) {
-    if (!BlockedBy(rig, LampInWorld(rig, l, axis_rad), axis_rad)) lamps.push_back(l);
+  void EmitPrompts(bool before) {
+    for (const OperatorPrompt& prompt : source_.prompts) {
+      if (prompt.before == before) emitter_.Prompt(prompt.text);
+    }
   }
-  plan.frames_blocked += static_cast<uint32_t>(grid.cameras.size() * grid.lamps.size() -
-                                               cameras.size() * lamps.size());
-  if (cameras.empty() || lamps.empty()) return;
-  emitter.MoveTo(axis_rad);
-  for (const int lamp : lamps) {
-    emitter.Lamp(lamp);
-    emitter.Shoot(cameras, grid.exposure_s);
-  }
-}
 
-// Walks the product of the axes' angles in boustrophedon order.
-template <typename Visit>
-void VisitPositions(const AxisAngles& angles, Visit visit) {
-  const size_t axes = angles.size();
-  std::vector<size_t> index(axes, 0);
-  std::vector<int> direction(axes, 1);
-  for (;;) {
-    std::vector<double> axis_rad(axes);
-    for (size_t i = 0; i < axes; ++i) axis_rad[i] = angles[i][index[i]];
-    visit(axis_rad);
-    size_t turn = axes;
-    while (turn > 0) {
-      const size_t i = turn - 1;
-      const bool at_end = direction[i] > 0 ? index[i] + 1 == angles[i].size() : index[i] == 0;
-      if (!at_end) {
-        index[i] = direction[i] > 0 ? index[i] + 1 : index[i] - 1;
-        break;
+  // Exposures of the plan with the cameras that get them; under lamps: of grids and lists only.
+  using CamerasOf = std::map<double, std::set<int>>;
+  CamerasOf ExposuresOfPlan(bool under_lamps) const {
+    CamerasOf cameras_of;
+    const auto add = [&](double exposure_s, const std::vector<int>& cameras) {
+      cameras_of[exposure_s].insert(cameras.begin(), cameras.end());
+    };
+    for (const DirectionSet& set : source_.sets) {
+      for (const double e : set.exposures.possible_s()) {
+        add(e, set.cameras);
+        for (const Station& station : set.stations) add(e, station.cameras);
       }
-      direction[i] = -direction[i];
-      --turn;
     }
-    if (turn == 0) return;
+    for (const SweepGrid& sweep : source_.sweeps) {
+      if (!under_lamps) add(sweep.exposure_s, sweep.cameras);
+    }
+    return cameras_of;
   }
-}
 
-void EmitSweepPosition(const Rig& rig, const SweepGrid& grid, int mount,
-                       const std::vector<double>& axis_rad, double h_ref_mm, Emitter& emitter,
-                       CompiledPlan& plan) {
-  std::vector<int> cameras = UnblockedCameras(rig, grid.cameras, axis_rad);
-  if (BlockedBy(rig, LaserInWorld(rig, mount, axis_rad).source, axis_rad)) cameras.clear();
-  Sweep sweep;
-  std::vector<int> seeing;
-  for (const int c : cameras) {
-    const auto region = RegionOfDisc(rig, c, axis_rad, grid.region_radius_mm, h_ref_mm);
-    if (!region) continue;
-    seeing.push_back(c);
-    sweep.regions.push_back(*region);
+  std::vector<int> LampsOfPlan() const {
+    std::set<int> lamps;
+    for (const LitSet& set : lit_sets_) {
+      for (const LitStation& station : set.stations) {
+        for (const LitStation::Lit& lit : station.lit) lamps.insert(lit.lamp);
+      }
+    }
+    return {lamps.begin(), lamps.end()};
   }
-  plan.frames_blocked += grid.frames * static_cast<uint32_t>(grid.cameras.size() - seeing.size());
-  if (seeing.empty()) return;
-  sweep.mount = mount;
-  sweep.tilt_from_rad = TiltOfStripe(rig.laser->mounts[mount], grid.from_mm);
-  sweep.tilt_to_rad = TiltOfStripe(rig.laser->mounts[mount], grid.to_mm);
-  sweep.frames = grid.frames;
-  sweep.frame_rate_hz = grid.frame_rate_hz;
-  sweep.keep_frames = grid.keep_frames;
-  emitter.MoveTo(axis_rad);
-  emitter.RunSweep(seeing, grid.exposure_s, std::move(sweep));
-}
 
-void EmitSweeps(const Rig& rig, const std::vector<SweepGrid>& sweeps, Emitter& emitter,
-                CompiledPlan& plan) {
-  const int mounts = rig.laser ? static_cast<int>(rig.laser->mounts.size()) : 0;
-  for (int mount = 0; mount < mounts; ++mount) {
-    bool asked = false;
-    for (const SweepGrid& sweep : sweeps) {
-      if (std::find(sweep.mounts.begin(), sweep.mounts.end(), mount) == sweep.mounts.end())
-        continue;
-      if (!std::exchange(asked, true)) emitter.Mount(mount);
-      VisitPositions(sweep.axis_rad, [&](const std::vector<double>& axis_rad) {
-        EmitSweepPosition(rig, sweep, mount, axis_rad, plan.product.h_ref_mm, emitter, plan);
-      });
+  // Where calibration frames are taken: the first station of the plan, or home.
+  std::vector<double> FirstPosition() const {
+    for (const LitSet& set : lit_sets_) {
+      for (const LitStation& station : set.stations) {
+        if (!station.lit.empty()) return station.axis_rad;
+      }
+    }
+    if (!source_.sweeps.empty()) return Combinations(source_.sweeps[0].axis_rad)[0];
+    return std::vector<double>(rig_.axes.size(), 0.0);
+  }
+
+  Status EmitCalibrations() {
+    for (const Purpose purpose : {Purpose::kDark, Purpose::kFlat, Purpose::kAmbient}) {
+      std::vector<const Calibration*> of_kind;
+      for (const Calibration& calibration : source_.calibrations) {
+        if (calibration.purpose == purpose) of_kind.push_back(&calibration);
+      }
+      if (of_kind.empty()) continue;
+      if (purpose == Purpose::kDark) emitter_.Prompt(kCapsOn);
+      if (purpose == Purpose::kFlat) emitter_.Prompt(kDiffuserIn);
+      emitter_.Stand(FirstPosition(), 0);
+      for (const Calibration* calibration : of_kind) {
+        MESORIG_RETURN_IF_ERROR(EmitCalibration(*calibration));
+      }
+      if (purpose == Purpose::kDark) emitter_.Prompt(kCapsOff);
+      if (purpose == Purpose::kFlat) {
+        emitter_.Prompt(fmt::format(kSampleBack, source_.sample.name));
+      }
+    }
+    return OkStatus();
+  }
+
+  Status EmitCalibration(const Calibration& calibration) {
+    const bool flat = calibration.purpose == Purpose::kFlat;
+    CamerasOf cameras_of;
+    for (const double e : calibration.exposures_s) {
+      cameras_of[e].insert(calibration.cameras.begin(), calibration.cameras.end());
+    }
+    if (cameras_of.empty()) cameras_of = ExposuresOfPlan(flat);
+    std::vector<int> lamps{-1};
+    if (flat) lamps = calibration.lamps.empty() ? LampsOfPlan() : calibration.lamps;
+    const uint32_t before = plan_.frames;
+    for (const int lamp : lamps) {
+      emitter_.Light(lamp);
+      for (const auto& [exposure_s, used] : cameras_of) {
+        std::vector<int> cameras;
+        std::set_intersection(calibration.cameras.begin(), calibration.cameras.end(), used.begin(),
+                              used.end(), std::back_inserter(cameras));
+        for (uint32_t r = 0; r < calibration.repeats && !cameras.empty(); ++r) {
+          emitter_.Shoot({cameras, exposure_s, calibration.purpose, -1});
+        }
+      }
+    }
+    if (plan_.frames > before) return OkStatus();
+    return InvalidArgument(
+        "{}: no frames: the plan has no exposures of these cameras{}; say "
+        "exposures_s{}",
+        calibration.where, flat ? " under lamps" : "", flat ? " and lamps" : "");
+  }
+
+  // One meter a lamp, at the first station that it lights.
+  std::map<int, int> EmitMeters(const DirectionSet& set, const LitSet& lit_set) {
+    std::map<int, int> meter_of_lamp;
+    for (const LitStation& station : lit_set.stations) {
+      for (const LitStation::Lit& lit : station.lit) {
+        if (meter_of_lamp.contains(lit.lamp)) continue;
+        emitter_.Stand(station.axis_rad, set.settle_s);
+        emitter_.Light(lit.lamp);
+        meter_of_lamp[lit.lamp] = emitter_.Meter(lit.cameras, set.exposures.ladder_s);
+      }
+    }
+    return meter_of_lamp;
+  }
+
+  void EmitSets() {
+    std::vector<std::map<int, int>> meters(source_.sets.size());
+    for (size_t i = 0; i < source_.sets.size(); ++i) {
+      if (source_.sets[i].exposures.metered()) {
+        meters[i] = EmitMeters(source_.sets[i], lit_sets_[i]);
+      }
+    }
+    for (size_t i = 0; i < source_.sets.size(); ++i) {
+      const DirectionSet& set = source_.sets[i];
+      const std::vector<LitStation>& stations = lit_sets_[i].stations;
+      const std::vector<Visit> visits =
+          set.is_grid
+              ? OrderGrid(rig_, set.axis_rad, stations, set.lamps, set.settle_s, emitter_.at())
+              : OrderList(rig_, stations, set.settle_s, emitter_.at());
+      for (const Visit& visit : visits)
+        EmitVisit(set, stations[visit.station], visit.lamp, meters[i]);
     }
   }
-}
 
-Product ReadProduct(TomlTable t) {
-  Product product;
-  product.width_px = static_cast<int>(t.Integer("width_px", {1, 16384}));
-  product.height_px = static_cast<int>(t.Integer("height_px", {1, 16384}));
-  product.pitch_mm = t.Number("pitch_mm", {1e-4, 100});
-  product.h_ref_mm = t.Number("h_ref_mm", {0, 1000});
-  return product;
-}
+  void EmitVisit(const DirectionSet& set, const LitStation& station, int lamp,
+                 const std::map<int, int>& meter_of_lamp) {
+    const auto lit = std::find_if(station.lit.begin(), station.lit.end(),
+                                  [&](const auto& l) { return l.lamp == lamp; });
+    emitter_.Stand(station.axis_rad, set.settle_s);
+    emitter_.Light(lamp);
+    const bool metered = set.exposures.metered();
+    const std::vector<double> exposures_s =
+        metered ? std::vector{set.exposures.ladder_s.back()} : set.exposures.bracket_s;
+    for (const double exposure_s : exposures_s) {
+      for (uint32_t r = 0; r < set.repeats; ++r) {
+        emitter_.Shoot(
+            {lit->cameras, exposure_s, Purpose::kData, metered ? meter_of_lamp.at(lamp) : -1});
+      }
+    }
+  }
+
+  Status EmitSweeps() {
+    emitter_.Light(-1);
+    std::vector<uint32_t> frames(source_.sweeps.size(), 0);
+    const int mounts = rig_.laser ? static_cast<int>(rig_.laser->mounts.size()) : 0;
+    for (int mount = 0; mount < mounts; ++mount) {
+      bool asked = false;
+      for (size_t i = 0; i < source_.sweeps.size(); ++i) {
+        const SweepGrid& sweep = source_.sweeps[i];
+        if (!std::binary_search(sweep.mounts.begin(), sweep.mounts.end(), mount)) continue;
+        const auto positions = Combinations(sweep.axis_rad);
+        for (const size_t p : OrderStations(rig_, sweep.axis_rad, sweep.settle_s, emitter_.at())) {
+          frames[i] += EmitSweep(sweep, mount, positions[p], asked);
+        }
+      }
+    }
+    for (size_t i = 0; i < frames.size(); ++i) {
+      if (frames[i] > 0) continue;
+      return InvalidArgument(
+          "{}: solids of the rig block the laser or every camera at all positions",
+          source_.sweeps[i].where);
+    }
+    return OkStatus();
+  }
+
+  // Of these cameras, those whose view the sample needs.
+  std::vector<int> NeededCameras(const std::vector<int>& cameras,
+                                 const std::vector<double>& axis_rad) const {
+    const NeededPairs pairs(needs_);
+    std::vector<int> needed;
+    for (const int c : cameras) {
+      const Vec3 p = SampleFromCamera(rig_, c, axis_rad).translation;
+      if (pairs.WithinTheta(p - Vec3{0, 0, source_.product.h_ref_mm})) needed.push_back(c);
+    }
+    return needed;
+  }
+
+  uint32_t EmitSweep(const SweepGrid& grid, int mount, const std::vector<double>& axis_rad,
+                     bool& asked) {
+    std::vector<int> cameras = UnblockedCameras(rig_, grid.cameras, axis_rad);
+    if (BlockedBy(rig_, LaserInWorld(rig_, mount, axis_rad).source, axis_rad)) cameras.clear();
+    Sweep sweep;
+    std::vector<int> seeing;
+    for (const int c : cameras) {
+      const auto region =
+          RegionOfDisc(rig_, c, axis_rad, grid.region_radius_mm, source_.product.h_ref_mm);
+      if (region) seeing.push_back(c);
+    }
+    const auto frames_of = [&](size_t count) { return grid.frames * static_cast<uint32_t>(count); };
+    plan_.frames_blocked += frames_of(grid.cameras.size() - seeing.size());
+    const std::vector<int> needed = NeededCameras(seeing, axis_rad);
+    plan_.frames_unneeded += frames_of(seeing.size() - needed.size());
+    if (needed.empty()) return frames_of(seeing.size());
+    for (const int c : needed) {
+      sweep.regions.push_back(
+          *RegionOfDisc(rig_, c, axis_rad, grid.region_radius_mm, source_.product.h_ref_mm));
+    }
+    sweep.mount = mount;
+    sweep.tilt_from_rad = TiltOfStripe(rig_.laser->mounts[mount], grid.from_mm);
+    sweep.tilt_to_rad = TiltOfStripe(rig_.laser->mounts[mount], grid.to_mm);
+    sweep.frames = grid.frames;
+    sweep.frame_rate_hz = grid.frame_rate_hz;
+    sweep.keep_frames = grid.keep_frames;
+    if (!std::exchange(asked, true)) emitter_.Mount(mount);
+    emitter_.Light(-1);
+    emitter_.Stand(axis_rad, grid.settle_s);
+    emitter_.RunSweep(needed, grid.exposure_s, std::move(sweep));
+    return frames_of(seeing.size());
+  }
+
+  const Rig& rig_;
+  const PlanSource& source_;
+  const Needs needs_;
+  CompiledPlan plan_;
+  Emitter emitter_;
+  std::vector<LitSet> lit_sets_;
+};
 
 }  // namespace
 
 StatusOr<CompiledPlan> CompilePlan(std::string_view text, std::string_view name, const Rig& rig) {
-  MESORIG_ASSIGN_OR_RETURN(TomlFile file, TomlFile::Parse(text, name));
-  TomlTable root = file.root();
-  CompiledPlan plan;
-  plan.name = root.String("name");
-  TomlTable sample = root.Table("sample");
-  plan.sample_name = sample.String("name");
-  plan.sample_extent_mm = sample.NumberOr("extent_mm", 0, {0.1, 1e4});
-  plan.rig_sha256 = rig.sha256;
-  plan.product = ReadProduct(root.Table("product"));
-  std::vector<Grid> grids;
-  for (TomlTable t : root.Tables("grid")) grids.push_back(ReadGrid(t, rig));
-  std::vector<SweepGrid> sweeps;
-  for (TomlTable t : root.Tables("sweep")) sweeps.push_back(ReadSweep(t, rig));
-  if (grids.empty() && sweeps.empty()) {
-    root.Error("", "at least one [[grid]] or [[sweep]] is needed");
+  MESORIG_ASSIGN_OR_RETURN(const PlanSource source, ReadPlan(text, name, rig));
+  MESORIG_ASSIGN_OR_RETURN(CompiledPlan plan, Compiler(rig, source, source.needs).Compile());
+  if (!source.needs.all()) {
+    MESORIG_ASSIGN_OR_RETURN(const CompiledPlan whole, Compiler(rig, source, Needs{}).Compile());
+    plan.seconds_saved = std::max(0.0, whole.seconds - plan.seconds);
   }
-  if (!sweeps.empty() && plan.sample_extent_mm == 0) {
-    sample.Error("", "sweeps need extent_mm, the side of the sample's square footprint");
-  }
-  MESORIG_RETURN_IF_ERROR(file.Finish());
-  Emitter emitter(rig, plan);
-  for (const Grid& grid : grids) {
-    VisitPositions(grid.axis_rad, [&](const std::vector<double>& axis_rad) {
-      EmitPosition(rig, grid, axis_rad, emitter, plan);
-    });
-  }
-  emitter.Lamp(-1);
-  EmitSweeps(rig, sweeps, emitter, plan);
   if (plan.frames == 0) {
-    return InvalidArgument("{}: every frame is blocked by a solid of the rig ({} of {})", name,
-                           plan.frames_blocked, plan.frames_blocked);
+    return InvalidArgument(
+        "{}: no frame is left: {} are blocked by solids of the rig, {} not needed "
+        "by the sample",
+        name, plan.frames_blocked, plan.frames_unneeded);
   }
   return plan;
 }

@@ -20,8 +20,8 @@ struct Product {
   double h_ref_mm = 0;  // reference plane, above the top of the mesostructure
 };
 
-// Moves and lamps say how the rig must stand for the shots that follow; a shot, a metering or a sweep
-// begins when it does (docs/running.md, "One shot after the other").
+// Moves and lamps say how the rig must stand for the shots that follow; a shot, a metering or a
+// sweep begins when it does (docs/running.md, "One shot after the other").
 enum class StepKind : uint8_t {
   kMoveAxes = 1,  // all axes at axis_rad, and settle_s at rest
   kLamp = 2,      // `lamp` alone (-1: all off), its light steady
@@ -67,29 +67,51 @@ struct Step {
   std::string text;                  // kPrompt: what the operator is asked to do
 };
 
+// What is measured, as the person who puts it there describes it.
+struct SampleRecord {
+  std::string name, notes;
+  double thickness_mm = 0;  // 0: not said
+  double extent_mm = 0;     // side of its square footprint, centred; 0: not said
+};
+
 struct CompiledPlan {
   std::string name, sample_name;
   std::string rig_sha256;
-  double sample_extent_mm = 0;  // side of the sample's square footprint, centred; 0: not said
+  std::string sample_sha256;    // of the whole record, Sha256OfSample
+  double sample_extent_mm = 0;  // as SampleRecord
+  double sample_thickness_mm = 0;
+  std::string sample_notes;
   Product product;
   std::vector<Step> steps;
   // Totals.
-  uint32_t shots = 0, frames = 0, sweeps = 0, prompts = 0;
+  uint32_t shots = 0, frames = 0, sweeps = 0;
+  uint32_t prompts = 0;      // kMount and kPrompt
   uint64_t frame_bytes = 0;  // pixels of all frames
-  double seconds = 0;        // estimate in rig time, homing and operator's time excluded
+  double seconds = 0;        // estimate in rig time; homing and the operator's time are not in it
+  double homing_s = 0;       // estimate of homing, from home; farther away takes longer
   double lamp_seconds = 0;
+  double lower_bound_s = 0;     // no order of these shots and sweeps is faster: docs/plans.md
+  std::string bottleneck;       // the resource that tells it: "exposure", "axis ...", "camera ..."
   uint32_t frames_blocked = 0;  // left out: a solid stands in the camera's view or the light's beam
+  uint32_t frames_unneeded = 0;  // left out: the sample does not need them, as its record says
+  double seconds_saved = 0;      // by leaving those out
 };
 
-// Reads a plan file and compiles it for this rig. NotFound or InvalidArgument with
-// file:line:column: unknown keys, axis limits, unknown lamps and cameras, exposures that a camera
-// cannot do, sweeps beyond the laser's tilt, a direction that nothing can see.
+// Reads a plan file and compiles it for this rig; docs/plans.md tells its keys. NotFound or
+// InvalidArgument with file:line:column: unknown keys, axis limits, cable wrap, unknown lamps and
+// cameras, exposures that a camera cannot do or that are no whole half periods of the mains, sweeps
+// beyond the laser's tilt, directions below the horizon or that everything blocks. Pure, reentrant.
 StatusOr<CompiledPlan> CompilePlanFile(const std::filesystem::path& path, const Rig& rig);
 StatusOr<CompiledPlan> CompilePlan(std::string_view text, std::string_view name, const Rig& rig);
 
+// Of a canonical text of all its fields, hexadecimal.
+std::string Sha256OfSample(const SampleRecord& sample);
+
 // `plan.bin`: equal plans give equal bytes.
 std::string PackPlan(const CompiledPlan& plan);
-// InvalidArgument for bytes that are no plan or name axes, lamps or cameras that the rig lacks.
+// InvalidArgument for bytes that are no plan, or with a step that the rig cannot do: numbers that
+// are not finite or out of range, axes, lamps, cameras or mounts that it lacks, a shot whose meter
+// no step before it declares. Another version too.
 StatusOr<CompiledPlan> UnpackPlan(std::string_view bytes, const Rig& rig);
 
 // Time of a trapezoidal (or triangular) move of `axis` over `distance_rad`, s.

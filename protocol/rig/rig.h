@@ -29,6 +29,7 @@ struct Axis {
   double max_velocity_rad_s = 0;
   double acceleration_rad_s2 = 0;
   double homing_velocity_rad_s = 0;
+  double settle_s = 0;  // vibration after each of its moves dies down in this time
 };
 
 struct Frame {
@@ -150,6 +151,7 @@ struct Rig {
   LampBank lamp_bank;
   Lines lines;
   double heartbeat_s = 0.5;     // CANopen heartbeat of every node and of the daemon
+  double mains_hz = 0;          // lamps flicker at twice this; 0: they do not
   double sample_radius_mm = 0;  // beams and views are checked against solids over this disc
   std::string source_text;      // the TOML it was read from
   std::string sha256;           // of source_text
@@ -162,7 +164,8 @@ struct Rig {
 };
 
 // NotFound or InvalidArgument with file:line:column: syntax, unknown key, value out of range, a
-// name that is used twice or not defined, two lamps on one channel, two axes on one node.
+// name that is used twice or not defined, two lamps on one channel, two axes on one node, a laser
+// without its lines.
 StatusOr<Rig> LoadRig(const std::filesystem::path& path);
 StatusOr<Rig> ParseRig(std::string_view text, std::string_view name);
 

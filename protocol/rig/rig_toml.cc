@@ -16,7 +16,7 @@ template <typename T>
 class Unique {
  public:
   void Add(TomlTable& table, std::string_view key, const T& value) {
-    if (!seen_.insert(value).second) table.Error(key, fmt::format("`{}` is used twice", value));
+    if (!seen_.insert(value).second) table.Error(key, fmt::format("is `{}`, which is used twice", value));
   }
 
  private:
@@ -34,6 +34,7 @@ Axis ReadAxis(TomlTable t) {
   axis.max_velocity_rad_s = RadFromDeg(t.Number("max_velocity_deg_s", {0.001, 3600}));
   axis.acceleration_rad_s2 = RadFromDeg(t.Number("acceleration_deg_s2", {0.001, 36000}));
   axis.homing_velocity_rad_s = RadFromDeg(t.Number("homing_velocity_deg_s", {0.001, 3600}));
+  axis.settle_s = t.NumberOr("settle_s", 0, {0, 600});
   return axis;
 }
 
@@ -238,6 +239,7 @@ StatusOr<Rig> ParseRig(std::string_view text, std::string_view name) {
   rig.name = root.String("name");
   rig.sample_radius_mm = root.Number("sample_radius_mm", {0.1, 1e4});
   rig.heartbeat_s = root.NumberOr("heartbeat_s", 0.5, {0.01, 60});
+  if (root.Has("mains_hz")) rig.mains_hz = root.Number("mains_hz", {10, 1000});
   for (TomlTable t : root.Tables("axis")) rig.axes.push_back(ReadAxis(t));
   for (TomlTable t : root.Tables("frame")) rig.frames.push_back(ReadFrame(t, rig));
   if (!rig.FindFrame("sample")) root.Error("", "a [[frame]] named \"sample\" is missing");

@@ -1,15 +1,14 @@
-#include "protocol/plan/plan.h"
-
-#include <cmath>
-
 #include "protocol/base/bytes.h"
+#include "protocol/plan/fits_rig.h"
+#include "protocol/plan/plan.h"
 
 namespace mesorig {
 namespace {
 
 constexpr uint32_t kMagic = 0x4E4C504D;  // "MPLN"
-constexpr uint16_t kVersion = 2;
+constexpr uint16_t kVersion = 3;
 constexpr uint32_t kMaxSteps = 10'000'000;
+constexpr int kMaxProductPx = 16384;
 
 Sweep ReadSweep(ByteReader& in, int cameras) {
   Sweep sweep;
@@ -53,69 +52,35 @@ Step ReadStep(ByteReader& in) {
   if (step.kind == StepKind::kMount || step.kind == StepKind::kSweep) {
     step.sweep = ReadSweep(in, step.kind == StepKind::kSweep ? cameras : 0);
   }
+  step.purpose = static_cast<Purpose>(in.Get<uint8_t>());
+  step.repeat = in.Get<uint32_t>();
+  step.settle_s = in.Get<double>();
+  step.meter = in.Get<int32_t>();
+  const auto rungs = in.Get<uint16_t>();
+  for (int i = 0; i < rungs && in.ok(); ++i) step.ladder_s.push_back(in.Get<double>());
+  step.text = in.GetString();
   return step;
 }
 
-bool CamerasFit(const Step& step, const Rig& rig) {
-  for (const int camera : step.cameras) {
-    if (camera >= static_cast<int>(rig.cameras.size())) return false;
-    const Camera& c = rig.cameras[camera];
-    if (!(step.exposure_s >= c.min_exposure_s && step.exposure_s <= c.max_exposure_s)) return false;
+// Numbers that others divide by, allocate by or show.
+Status CheckFigures(const CompiledPlan& plan) {
+  const Product& product = plan.product;
+  const auto sound = [](double value) { return value >= 0 && value < 1e12; };
+  if (product.width_px < 1 || product.width_px > kMaxProductPx || product.height_px < 1 ||
+      product.height_px > kMaxProductPx || !(product.pitch_mm > 0) || !sound(product.pitch_mm) ||
+      !sound(product.h_ref_mm)) {
+    return InvalidArgument("plan.bin: a product of {} x {} texels of {} mm at {} mm",
+                           product.width_px, product.height_px, product.pitch_mm, product.h_ref_mm);
   }
-  return !step.cameras.empty();
-}
-
-bool SweepFits(const Step& step, const Rig& rig) {
-  const Sweep& sweep = step.sweep;
-  for (const double tilt : {sweep.tilt_from_rad, sweep.tilt_to_rad}) {
-    if (!(std::abs(tilt) <= rig.laser->max_tilt_rad)) return false;
+  for (const double value :
+       {plan.sample_extent_mm, plan.sample_thickness_mm, plan.seconds, plan.homing_s,
+        plan.lamp_seconds, plan.lower_bound_s, plan.seconds_saved}) {
+    if (!sound(value)) return InvalidArgument("plan.bin: a figure of {} in its header", value);
   }
-  if (!(sweep.frame_rate_hz > 0 && sweep.frame_rate_hz <= 1000)) return false;
-  if (sweep.frames == 0 || sweep.regions.size() != step.cameras.size()) return false;
-  for (size_t k = 0; k < step.cameras.size(); ++k) {
-    const Camera& camera = rig.cameras[step.cameras[k]];
-    const Region& r = sweep.regions[k];
-    if (r.width == 0 || r.height == 0) return false;
-    if (r.x + r.width > camera.width || r.y + r.height > camera.height) return false;
-    if ((r.x | r.y | r.width | r.height) & 1) return false;
-  }
-  return true;
-}
-
-bool FitsRig(const Step& step, const Rig& rig) {
-  switch (step.kind) {
-    case StepKind::kMoveAxes:
-      if (step.axis_rad.size() != rig.axes.size()) return false;
-      for (size_t i = 0; i < rig.axes.size(); ++i) {
-        const double a = step.axis_rad[i];
-        if (!(a >= rig.axes[i].min_rad && a <= rig.axes[i].max_rad)) return false;
-      }
-      return true;
-    case StepKind::kLamp:
-      return step.lamp >= -1 && step.lamp < static_cast<int>(rig.lamps.size());
-    case StepKind::kShot:
-      return CamerasFit(step, rig);
-    case StepKind::kMount:
-    case StepKind::kSweep:
-      if (!rig.laser || step.sweep.mount < 0) return false;
-      if (step.sweep.mount >= static_cast<int>(rig.laser->mounts.size())) return false;
-      return step.kind == StepKind::kMount || (CamerasFit(step, rig) && SweepFits(step, rig));
-    case StepKind::kPrompt:
-    case StepKind::kMeter:
-      return false;
-  }
-  return false;
+  return OkStatus();
 }
 
 }  // namespace
-
-double MoveSeconds(const Axis& axis, double distance_rad) {
-  const double d = std::abs(distance_rad), v = axis.max_velocity_rad_s;
-  const double a = axis.acceleration_rad_s2;
-  // Too short to reach full speed: a triangle.
-  if (d * a < v * v) return 2 * std::sqrt(d / a);
-  return d / v + v / a;
-}
 
 std::string PackPlan(const CompiledPlan& plan) {
   ByteWriter out;
@@ -123,10 +88,12 @@ std::string PackPlan(const CompiledPlan& plan) {
   out.PutString(plan.rig_sha256);
   out.Put<int32_t>(plan.product.width_px).Put<int32_t>(plan.product.height_px);
   out.Put(plan.product.pitch_mm).Put(plan.product.h_ref_mm);
-  out.Put(plan.sample_extent_mm);
+  out.PutString(plan.sample_sha256).Put(plan.sample_extent_mm).Put(plan.sample_thickness_mm);
+  out.PutString(plan.sample_notes);
   out.Put(plan.shots).Put(plan.frames).Put(plan.sweeps).Put(plan.prompts);
-  out.Put(plan.frame_bytes).Put(plan.seconds);
-  out.Put(plan.lamp_seconds).Put(plan.frames_blocked);
+  out.Put(plan.frame_bytes).Put(plan.seconds).Put(plan.homing_s).Put(plan.lamp_seconds);
+  out.Put(plan.lower_bound_s).PutString(plan.bottleneck);
+  out.Put(plan.frames_blocked).Put(plan.frames_unneeded).Put(plan.seconds_saved);
   out.Put(static_cast<uint32_t>(plan.steps.size()));
   for (const Step& step : plan.steps) {
     out.Put(static_cast<uint8_t>(step.kind)).Put(static_cast<uint8_t>(step.axis_rad.size()));
@@ -135,6 +102,10 @@ std::string PackPlan(const CompiledPlan& plan) {
     out.Put(static_cast<uint16_t>(step.cameras.size()));
     for (const int camera : step.cameras) out.Put(static_cast<uint16_t>(camera));
     if (step.kind == StepKind::kMount || step.kind == StepKind::kSweep) PutSweep(out, step.sweep);
+    out.Put(static_cast<uint8_t>(step.purpose)).Put(step.repeat).Put(step.settle_s);
+    out.Put<int32_t>(step.meter).Put(static_cast<uint16_t>(step.ladder_s.size()));
+    for (const double rung : step.ladder_s) out.Put(rung);
+    out.PutString(step.text);
   }
   return out.Take();
 }
@@ -153,27 +124,36 @@ StatusOr<CompiledPlan> UnpackPlan(std::string_view bytes, const Rig& rig) {
   plan.product.height_px = in.Get<int32_t>();
   plan.product.pitch_mm = in.Get<double>();
   plan.product.h_ref_mm = in.Get<double>();
+  plan.sample_sha256 = in.GetString();
   plan.sample_extent_mm = in.Get<double>();
+  plan.sample_thickness_mm = in.Get<double>();
+  plan.sample_notes = in.GetString();
   plan.shots = in.Get<uint32_t>();
   plan.frames = in.Get<uint32_t>();
   plan.sweeps = in.Get<uint32_t>();
   plan.prompts = in.Get<uint32_t>();
   plan.frame_bytes = in.Get<uint64_t>();
   plan.seconds = in.Get<double>();
+  plan.homing_s = in.Get<double>();
   plan.lamp_seconds = in.Get<double>();
+  plan.lower_bound_s = in.Get<double>();
+  plan.bottleneck = in.GetString();
   plan.frames_blocked = in.Get<uint32_t>();
+  plan.frames_unneeded = in.Get<uint32_t>();
+  plan.seconds_saved = in.Get<double>();
   const auto count = in.Get<uint32_t>();
   if (!in.ok() || count > kMaxSteps) return InvalidArgument("plan.bin: damaged header");
+  MESORIG_RETURN_IF_ERROR(CheckFigures(plan));
   if (plan.rig_sha256 != rig.sha256) {
     return InvalidArgument("plan.bin: compiled for another rig ({}, not {})", plan.rig_sha256,
                            rig.sha256);
   }
+  StepChecker checker(rig);
   for (uint32_t i = 0; i < count && in.ok(); ++i) {
     plan.steps.push_back(ReadStep(in));
-    if (!in.ok() || !FitsRig(plan.steps.back(), rig)) {
-      return InvalidArgument("plan.bin: step {} of {} is damaged or does not fit the rig", i,
-                             count);
-    }
+    if (!in.ok()) return InvalidArgument("plan.bin: step {} of {} is cut off", i, count);
+    MESORIG_RETURN_IF_ERROR(
+        Annotate(checker.Check(plan.steps.back()), fmt::format("plan.bin: step {}", i)));
   }
   if (!in.done()) return InvalidArgument("plan.bin: {} bytes too many", in.remaining());
   return plan;
