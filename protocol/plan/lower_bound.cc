@@ -1,6 +1,7 @@
 #include "protocol/plan/lower_bound.h"
 
 #include <algorithm>
+#include <map>
 #include <set>
 
 #include "protocol/plan/timing.h"
@@ -105,20 +106,29 @@ double ShotSeconds(const Rig& rig, const Demand& demand) {
   return demand.exposure_s + std::max(0.0, between - demand.interruptions * readout);
 }
 
-// Every sweep, and before it the emitter's way from where the nearest other one ends.
-double LaserSeconds(const Rig& rig, const Demand& demand) {
-  std::set<double> ends{0.0};
-  for (const Sweep* sweep : demand.sweeps) {
-    ends.insert(SweepSeconds(*rig.laser, *sweep, 0).end_tilt_rad);
-  }
-  double seconds = 0;
-  for (const Sweep* sweep : demand.sweeps) {
+// The sweeps of one mount: each, and before it the emitter's way to its start; of one from upright,
+// where the mount left it, of the others from where the nearest of them all ends.
+double MountSeconds(const Laser& laser, const std::vector<const Sweep*>& sweeps) {
+  std::set<double> ends;
+  for (const Sweep* sweep : sweeps) ends.insert(SweepSeconds(laser, *sweep, 0).end_tilt_rad);
+  double seconds = 0, most_saved = 0;
+  for (const Sweep* sweep : sweeps) {
+    const SweepTime upright = SweepSeconds(laser, *sweep, 0);
     double prepare = 1e300;
     for (const double end : ends) {
-      prepare = std::min(prepare, SweepSeconds(*rig.laser, *sweep, end).prepare_s);
+      prepare = std::min(prepare, SweepSeconds(laser, *sweep, end).prepare_s);
     }
-    seconds += prepare + SweepSeconds(*rig.laser, *sweep, 0).run_s;
+    seconds += prepare + upright.run_s;
+    most_saved = std::max(most_saved, prepare - upright.prepare_s);
   }
+  return seconds - most_saved;
+}
+
+double LaserSeconds(const Rig& rig, const Demand& demand) {
+  std::map<int, std::vector<const Sweep*>> sweeps_of_mount;
+  for (const Sweep* sweep : demand.sweeps) sweeps_of_mount[sweep->mount].push_back(sweep);
+  double seconds = 0;
+  for (const auto& [mount, sweeps] : sweeps_of_mount) seconds += MountSeconds(*rig.laser, sweeps);
   return seconds;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <numeric>
+#include <utility>
 
 #include "protocol/plan/timing.h"
 
@@ -118,13 +119,18 @@ std::vector<Visit> OrderList(const Rig& rig, const std::vector<LitStation>& stat
   std::vector<double> at(at_rad.begin(), at_rad.end());
   int shining = -1;
   while (!left.empty()) {
+    // Of equal ones that where the other axes move least.
     const auto seconds_to = [&](size_t s) {
-      return PositioningSeconds(rig, at, stations[s].axis_rad, settle_s);
+      double sum = 0;
+      for (size_t i = 0; i < at.size(); ++i) {
+        sum += MoveSeconds(rig.axes[i], stations[s].axis_rad[i] - at[i]);
+      }
+      return std::pair(PositioningSeconds(rig, at, stations[s].axis_rad, settle_s), sum);
     };
     auto nearest = left.begin();
-    double least = seconds_to(*nearest);
-    for (auto it = left.begin() + 1; it != left.end() && least > 0; ++it) {
-      const double seconds = seconds_to(*it);
+    auto least = seconds_to(*nearest);
+    for (auto it = left.begin() + 1; it != left.end() && least.second > 0; ++it) {
+      const auto seconds = seconds_to(*it);
       if (seconds < least) least = seconds, nearest = it;
     }
     const size_t station = *nearest;

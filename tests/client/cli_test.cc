@@ -27,7 +27,8 @@ Outcome Mesorig(const std::string& arguments) {
   FILE* pipe = ::popen(command.c_str(), "r");
   Outcome outcome;
   char buffer[4096];
-  while (const size_t n = std::fread(buffer, 1, sizeof(buffer), pipe)) outcome.text.append(buffer, n);
+  while (const size_t n = std::fread(buffer, 1, sizeof(buffer), pipe))
+    outcome.text.append(buffer, n);
   const int status = ::pclose(pipe);
   outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   return outcome;
@@ -82,6 +83,30 @@ TEST(Cli, PlanCheck) {
   EXPECT_THAT(bad.text, HasSubstr(path.string() + ":"));
   EXPECT_EQ(Lines(bad.text), 1) << bad.text;
   std::filesystem::remove(path);
+}
+
+// What an operator reads before a night: frames, time beside its bound, disk, and who is asked
+// what.
+TEST(Cli, PlanCheckTellsTheNight) {
+  const Outcome outcome =
+      Mesorig(fmt::format("plan check {0}/plans/demo.toml --rig {0}/rigs/demo.toml", kSource));
+  EXPECT_EQ(outcome.code, 0);
+  for (const char* word :
+       {"2304 under lamps, 9216 of laser sweeps", "lower bound", "by exposure",
+        "before shot 288: Mount the laser at zenith.", "reference plane at 4.2 mm", "free at ."}) {
+    EXPECT_THAT(outcome.text, HasSubstr(word));
+  }
+}
+
+// 894 GB of frames: more than the disk of a machine that runs tests has.
+TEST(Cli, PlanCheckSaysWhatDoesNotFit) {
+  const auto free = std::filesystem::space(kSource).available;
+  if (free > 894'000'000'000u) GTEST_SKIP() << "the disk has " << free << " bytes";
+  const Outcome outcome = Mesorig(fmt::format(
+      "plan check {0}/plans/wang2005.toml --rig {0}/rigs/wang2005.toml --state-dir {0}", kSource));
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("DOES NOT FIT"));
+  EXPECT_THAT(outcome.text, HasSubstr("mesorig: plan wang2005 does not fit: it needs 894"));
 }
 
 }  // namespace
