@@ -133,7 +133,9 @@ StatusOr<RectifyMap> RectifyMap::Build(const Camera& camera,
   return map;
 }
 
-size_t RectifyMap::Apply(const image::RgbImage& image, std::span<float> texel_rgb) const {
+size_t RectifyMap::Apply(const image::RgbImage& image, std::span<float> texel_rgb,
+                         std::span<uint8_t> saturated_texels) const {
+  MESORIG_CHECK(saturated_texels.empty() || saturated_texels.size() == texel_count());
   MESORIG_CHECK(image.width == width_ && image.height == height_);
   MESORIG_CHECK(texel_rgb.size() == 3 * texel_count());
   size_t clipped = 0;
@@ -150,6 +152,7 @@ size_t RectifyMap::Apply(const image::RgbImage& image, std::span<float> texel_rg
     float* out = texel_rgb.data() + 3 * t;
     out[0] = red, out[1] = green, out[2] = blue;
     clipped += saturated ? 1 : 0;
+    if (!saturated_texels.empty()) saturated_texels[t] = saturated ? 1 : 0;
   }
   return clipped;
 }

@@ -28,8 +28,10 @@ class RectifyMap {
                                     const btf::BtfHeader& grid);
 
   // texel_rgb: 3 values a texel, in the image's unit. Returns the number of texels that depend on
-  // a saturated pixel: these hold a lower bound.
-  size_t Apply(const image::RgbImage& image, std::span<float> texel_rgb) const;
+  // a saturated pixel: these hold a lower bound. `saturated`: which, one a texel, 0 or 1; may be
+  // empty.
+  size_t Apply(const image::RgbImage& image, std::span<float> texel_rgb,
+               std::span<uint8_t> saturated = {}) const;
 
   size_t texel_count() const { return first_.size() - 1; }
   size_t weight_count() const { return weight_.size(); }

@@ -237,9 +237,17 @@ void SessionJob::ReleaseSweeps() {
 
 Status SessionJob::ReadCamera(int camera) {
   uint64_t cursor = 0;
+  bool again = false;  // frames of lamps, for their black levels
   auto last_sign = Clock::now();
   for (;;) {
-    const Status status = ReadStream(camera, cursor, last_sign);
+    const Status status = ReadStream(camera, cursor, last_sign, again);
+    if (status.ok() && !again && session_products_->NeedsAgain(camera)) {
+      spdlog::info("session {}: camera {}: a dark frame came after frames that need it: once more",
+                   session_id_, rig_.cameras[static_cast<size_t>(camera)].name);
+      again = true;
+      cursor = 0;
+      continue;
+    }
     if (status.ok()) return status;
     if (stop_.stopped()) return Cancelled("stopped");
     if (!WentAway(status)) return status;
@@ -251,7 +259,8 @@ Status SessionJob::ReadCamera(int camera) {
   }
 }
 
-Status SessionJob::ReadStream(int camera, uint64_t& cursor, Clock::time_point& last_sign) {
+Status SessionJob::ReadStream(int camera, uint64_t& cursor, Clock::time_point& last_sign,
+                              bool lamps_only) {
   MESORIG_ASSIGN_OR_RETURN(const auto stub, ConnectFrames(options_));
   v1::SubscribeRequest request;
   request.set_session_id(session_id_);
@@ -263,7 +272,8 @@ Status SessionJob::ReadStream(int camera, uint64_t& cursor, Clock::time_point& l
   Status taken;
   while (taken.ok() && reader->Read(&frame)) {
     taken = CheckFrame(rig_, camera, cursor, frame);
-    if (taken.ok()) taken = Take(camera, frame);
+    const bool wanted = !lamps_only || !frame.header().has_laser();
+    if (taken.ok() && wanted) taken = Take(camera, frame);
     if (taken.ok()) ReleaseSweeps();
     cursor = std::max(cursor, static_cast<uint64_t>(frame.header().sequence()));
     last_sign = Clock::now();

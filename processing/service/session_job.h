@@ -58,7 +58,8 @@ class SessionJob {
   Status ReadAllCameras(const std::vector<int>& cameras);
   Status ReadCamera(int camera);
   // Reads until the stream ends; `cursor` follows. Unavailable: the daemon went away.
-  Status ReadStream(int camera, uint64_t& cursor, Clock::time_point& last_sign);
+  // `lamps_only` passes over frames of sweeps.
+  Status ReadStream(int camera, uint64_t& cursor, Clock::time_point& last_sign, bool lamps_only);
   Status Take(int camera, const v1::Frame& frame);
   // Tells the daemon of sweeps whose raw frames may go. What it does not hear is told again.
   void ReleaseSweeps();

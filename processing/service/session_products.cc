@@ -65,7 +65,7 @@ std::vector<v1::Product> ProductsOnDisk(const std::filesystem::path& folder) {
 }
 
 SessionProducts::SessionProducts(const CompiledPlan& plan, std::filesystem::path folder)
-    : folder_(std::move(folder)) {
+    : folder_(std::move(folder)), has_data_(assemble::Assembler::HasData(plan)) {
   for (const Step& step : plan.steps) {
     if (step.kind == StepKind::kSweep) released_by_plan_.push_back(step.sweep.keep_frames ? 0 : 1);
   }
@@ -127,41 +127,60 @@ Status SessionProducts::CheckWhole() const {
   return DataLoss("{} of {} planned frames arrived", frames(), frames_planned());
 }
 
+StatusOr<v1::Product> SessionProducts::PackBtf(const std::string& session_id) {
+  const std::filesystem::path path = BtfPath(folder_);
+  MESORIG_ASSIGN_OR_RETURN(const assemble::PackFigures figures,
+                           assembler_->Pack(path, session_id));
+  const assemble::Tally tally = assembler_->tally();
+  if (tally.refused > 0) {
+    spdlog::warn("session {}: {} frames refused, first: {}", session_id, tally.refused,
+                 tally.first_refusal);
+  }
+  if (figures.clipped_texels > 0) {
+    spdlog::warn("session {}: {} texels are lower bounds (saturated pixels)", session_id,
+                 figures.clipped_texels);
+  }
+  if (tally.ambient + tally.dark > 0) {
+    spdlog::info("session {}: black levels from {} frames of ambient light and {} dark ones",
+                 session_id, tally.ambient, tally.dark);
+  }
+  if (tally.flat > 0) {
+    spdlog::info("session {}: {} flat frames are stored, not used yet", session_id, tally.flat);
+  }
+  spdlog::info("session {}: {} ({} views, {} lights, {} pairs, {} frames merged)", session_id,
+               path.string(), figures.views, figures.lights, figures.pairs, figures.merged_frames);
+  return ProductOf("btf", path, figures.bytes);
+}
+
+StatusOr<v1::Product> SessionProducts::PackMdf(const std::string& session_id) {
+  const std::filesystem::path path = MdfPath(folder_);
+  MESORIG_ASSIGN_OR_RETURN(const mesostructure::MdfPackFigures figures,
+                           mdf_builder_->Pack(path, session_id));
+  const mesostructure::SweepTally tally = mdf_builder_->tally();
+  if (tally.images_empty > 0) {
+    spdlog::warn("session {}: {} of {} displacement images are empty, first: {}", session_id,
+                 tally.images_empty, tally.images, tally.first_empty);
+  }
+  spdlog::info(
+      "session {}: {} ({} views, {} displacement images, {:.1f} % measured; {} of {} "
+      "frames without a plane)",
+      session_id, path.string(), figures.views, figures.images, 100 * figures.coverage,
+      tally.refused, tally.frames);
+  return ProductOf("mdf", path, figures.bytes);
+}
+
 StatusOr<std::vector<v1::Product>> SessionProducts::Pack(const std::string& session_id) {
   std::vector<v1::Product> products;
-  if (assembler_ != nullptr) {
-    const std::filesystem::path path = BtfPath(folder_);
-    MESORIG_ASSIGN_OR_RETURN(const assemble::PackFigures figures,
-                             assembler_->Pack(path, session_id));
-    const assemble::Tally tally = assembler_->tally();
-    if (tally.refused > 0) {
-      spdlog::warn("session {}: {} frames refused, first: {}", session_id, tally.refused,
-                   tally.first_refusal);
-    }
-    if (tally.clipped_texels > 0) {
-      spdlog::warn("session {}: {} texels are lower bounds (saturated pixels)", session_id,
-                   tally.clipped_texels);
-    }
-    products.push_back(ProductOf("btf", path, figures.bytes));
-    spdlog::info("session {}: {} ({} views, {} lights, {} pairs, {} frames merged)", session_id,
-                 path.string(), figures.views, figures.lights, figures.pairs,
-                 figures.merged_frames);
+  if (has_data_) {
+    MESORIG_ASSIGN_OR_RETURN(v1::Product btf, PackBtf(session_id));
+    products.push_back(std::move(btf));
   }
   if (mdf_builder_ != nullptr) {
-    const std::filesystem::path path = MdfPath(folder_);
-    MESORIG_ASSIGN_OR_RETURN(const mesostructure::MdfPackFigures figures,
-                             mdf_builder_->Pack(path, session_id));
-    const mesostructure::SweepTally tally = mdf_builder_->tally();
-    if (tally.images_empty > 0) {
-      spdlog::warn("session {}: {} of {} displacement images are empty, first: {}", session_id,
-                   tally.images_empty, tally.images, tally.first_empty);
-    }
-    products.push_back(ProductOf("mdf", path, figures.bytes));
-    spdlog::info(
-        "session {}: {} ({} views, {} displacement images, {:.1f} % measured; {} of {} "
-        "frames without a plane)",
-        session_id, path.string(), figures.views, figures.images, 100 * figures.coverage,
-        tally.refused, tally.frames);
+    MESORIG_ASSIGN_OR_RETURN(v1::Product mdf, PackMdf(session_id));
+    products.push_back(std::move(mdf));
+  }
+  if (products.empty()) {
+    spdlog::info("session {}: only calibration frames: there is nothing to pack", session_id);
   }
   return products;
 }

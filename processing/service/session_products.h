@@ -32,6 +32,10 @@ class SessionProducts {
                                                            const std::filesystem::path& folder);
   // As Assembler::Add and MdfBuilder::Add.
   Status Take(const v1::Frame& frame);
+  // As Assembler::NeedsAgain.
+  bool NeedsAgain(int camera) const {
+    return assembler_ != nullptr && assembler_->NeedsAgain(camera);
+  }
   // Of the planned ones: arrived, or not needed again.
   uint32_t frames() const;
   // The same at no cost, but frames of lamps that were shot again count again.
@@ -41,12 +45,17 @@ class SessionProducts {
   std::vector<uint32_t> TakeReleasable();
   // DataLoss unless every planned frame has arrived.
   Status CheckWhole() const;
+  // A plan of calibration frames only has no product.
   StatusOr<std::vector<v1::Product>> Pack(const std::string& session_id);
 
  private:
   SessionProducts(const CompiledPlan& plan, std::filesystem::path folder);
 
+  StatusOr<v1::Product> PackBtf(const std::string& session_id);
+  StatusOr<v1::Product> PackMdf(const std::string& session_id);
+
   const std::filesystem::path folder_;
+  const bool has_data_;  // of lamps: there is a BTF
   std::vector<uint8_t> released_by_plan_;  // of each sweep
   std::atomic<uint32_t> lamp_frames_ = 0;
   std::unique_ptr<assemble::Assembler> assembler_;          // plans with grids
