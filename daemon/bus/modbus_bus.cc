@@ -14,18 +14,11 @@ namespace {
 // An exception that the slave answered; the connection is good.
 bool IsSlaveException(int error) { return error >= EMBXILFUN && error <= EMBXGTAR; }
 
-Status Failed(std::string_view request) {
-  const int error = errno;
-  const std::string text = fmt::format("{}: {}", request, modbus_strerror(error));
-  // Aborted marks what the slave itself refused: connecting again would not help.
-  return IsSlaveException(error) ? absl::AbortedError(text) : absl::UnavailableError(text);
-}
-
-Status WriteCoilsNow(modbus_t* context, int first, const std::vector<uint8_t>& values) {
-  if (modbus_write_bits(context, first, static_cast<int>(values.size()), values.data()) < 0) {
-    return Failed(fmt::format("writing coils {}..{}", first, first + values.size() - 1));
-  }
-  return OkStatus();
+uint64_t ModbusCounts::* CountOf(int error) {
+  if (IsSlaveException(error)) return &ModbusCounts::refused;
+  if (error == ETIMEDOUT) return &ModbusCounts::unanswered;
+  if (error >= EMBBADCRC && error <= EMBBADSLAVE) return &ModbusCounts::damaged;
+  return &ModbusCounts::broken;
 }
 
 }  // namespace
@@ -76,10 +69,43 @@ ModbusBus::~ModbusBus() {
   clock_.Change([&] { closing_ = true; });
 }
 
+ModbusCounts ModbusBus::counts() const {
+  ModbusCounts counts;
+  clock_.Read([&] { counts = counts_; });
+  return counts;
+}
+
+Status ModbusBus::Failed(std::string_view request) {
+  const int error = errno;
+  const std::string text = fmt::format("{}: {}", request, modbus_strerror(error));
+  clock_.Change([&] { ++(counts_.*CountOf(error)); });
+  // Aborted marks what the slave itself refused: connecting again would not help.
+  return IsSlaveException(error) ? absl::AbortedError(text) : absl::UnavailableError(text);
+}
+
+Status ModbusBus::WriteCoilsNow(modbus_t* context, int first, const std::vector<uint8_t>& values) {
+  const int count = static_cast<int>(values.size());
+  if (modbus_write_bits(context, first, count, values.data()) < 0) {
+    return Failed(fmt::format("writing coils {}..{}", first, first + count - 1));
+  }
+  std::vector<uint8_t> read(values.size());
+  if (modbus_read_bits(context, first, count, read.data()) != count) {
+    return Failed(fmt::format("reading coils {}..{} back", first, first + count - 1));
+  }
+  for (int i = 0; i < count; ++i) {
+    if ((read[i] != 0) == (values[i] != 0)) continue;
+    clock_.Change([&] { ++counts_.unheeded; });
+    return Unavailable("writing coils {}..{}: coil {} reads {}, {} was written", first,
+                       first + count - 1, first + i, read[i] != 0 ? "on" : "off",
+                       values[i] != 0 ? "on" : "off");
+  }
+  return OkStatus();
+}
+
 Status ModbusBus::WriteCoils(int first, std::vector<uint8_t> values) {
   auto job = std::make_shared<Job>();
   job->writes = true;
-  job->work = [first, values = std::move(values)](modbus_t* context) {
+  job->work = [this, first, values = std::move(values)](modbus_t* context) {
     return WriteCoilsNow(context, first, values);
   };
   return Enqueue(job);
@@ -88,7 +114,7 @@ Status ModbusBus::WriteCoils(int first, std::vector<uint8_t> values) {
 StatusOr<std::vector<uint16_t>> ModbusBus::ReadInputRegisters(int first, int count) {
   auto job = std::make_shared<Job>();
   auto values = std::make_shared<std::vector<uint16_t>>(count);  // outlives a caller that is gone
-  job->work = [first, count, values](modbus_t* context) {
+  job->work = [this, first, count, values](modbus_t* context) {
     if (modbus_read_input_registers(context, first, count, values->data()) != count) {
       return Failed(fmt::format("reading input registers {}..{}", first, first + count - 1));
     }
@@ -107,7 +133,7 @@ Status ModbusBus::Enqueue(const std::shared_ptr<Job>& job) {
 Status ModbusBus::WriteCoilsAtOnce(int first, std::vector<uint8_t> values) {
   auto job = std::make_shared<Job>();
   job->writes = job->at_once = true;
-  job->work = [first, values = std::move(values)](modbus_t* context) {
+  job->work = [this, first, values = std::move(values)](modbus_t* context) {
     return WriteCoilsNow(context, first, values);
   };
   std::future<void> finished = job->finished.get_future();
@@ -174,6 +200,7 @@ Status ModbusBus::EnsureConnected() {
   if (connected_) return OkStatus();
   if (modbus_connect(context_.get()) < 0) return Failed("connecting");
   connected_ = true;
+  clock_.Change([&] { ++counts_.connections; });
   return OkStatus();
 }
 
@@ -193,7 +220,7 @@ Status ModbusBus::Execute(const std::function<Status(_modbus*)>& work) {
 }
 
 void ModbusBus::KeepAlive() {
-  const Status status = Execute([](modbus_t* context) {
+  const Status status = Execute([this](modbus_t* context) {
     uint16_t value = 0;
     return modbus_read_input_registers(context, 0, 1, &value) == 1 ? OkStatus()
                                                                    : Failed("keep-alive read");

@@ -29,6 +29,18 @@ struct ModbusBusOptions {
   std::chrono::milliseconds response_timeout{1000};  // host time
 };
 
+// What came wrong since Connect, by kind of answer.
+struct ModbusCounts {
+  uint64_t unanswered = 0;   // no answer within the response timeout; one that comes later is lost
+  uint64_t damaged = 0;      // not an answer to the request that was sent (other number, function, size)
+  uint64_t refused = 0;      // the slave's exceptions
+  uint64_t broken = 0;       // connections closed or refused by the other side
+  uint64_t connections = 0;  // made anew
+  uint64_t unheeded = 0;     // writes that were confirmed and read back otherwise
+};
+
+// Every error closes the connection, so that a late answer is never taken for the next one's; the
+// request is sent once more on a new one. What is written is read back.
 // Thread-safe. Reads and writes are for rig threads (they wait in the rig clock); WriteCoilsAtOnce
 // is for any thread. Errors: Unavailable names the endpoint, the request and libmodbus' reason.
 class ModbusBus {
@@ -46,6 +58,7 @@ class ModbusBus {
   Status WriteCoilsAtOnce(int first, std::vector<uint8_t> values);
 
   const std::string& endpoint() const { return endpoint_; }
+  ModbusCounts counts() const;
 
  private:
   struct Job {
@@ -66,6 +79,8 @@ class ModbusBus {
   std::shared_ptr<Job> TakeJob();
   void Finish(const std::shared_ptr<Job>& job, Status result);
   Status Execute(const std::function<Status(_modbus*)>& work);
+  Status WriteCoilsNow(_modbus* context, int first, const std::vector<uint8_t>& values);
+  Status Failed(std::string_view request);  // by errno; counts it
   Status EnsureConnected();
   void KeepAlive();
   Status Enqueue(const std::shared_ptr<Job>& job);
@@ -82,6 +97,7 @@ class ModbusBus {
   // Guarded by the clock's lock. Jobs are shared between the one who waits and the bus thread.
   std::deque<std::shared_ptr<Job>> jobs_;
   bool closing_ = false;
+  ModbusCounts counts_;
   RigThread thread_;
 };
 

@@ -23,7 +23,8 @@ class Axis {
  public:
   virtual ~Axis() = default;
   virtual const std::string& name() const = 0;
-  // Configures the drive and switches torque on. DeadlineExceeded: no answer; Unavailable: the
+  // Configures the drive and switches torque on; again after the drive was gone, too. A drive that
+  // restarted meanwhile is not referenced any more. DeadlineExceeded: no answer; Unavailable: the
   // drive refuses a setting; FailedPrecondition: a fault that a fault reset does not clear.
   virtual Status Enable() = 0;
   // Torque off, after a quick stop has come to rest. OK when it is off already.
@@ -36,7 +37,9 @@ class Axis {
   // enabled or not referenced.
   virtual Status StartMove(double target_rad) = 0;
   // Blocks until the target is reached (read back within the rig's tolerance), at most until
-  // `deadline` (DeadlineExceeded), or until the drive reports a fault (Unavailable names it).
+  // `deadline` (DeadlineExceeded), or until the drive reports a fault (Unavailable names it). An axis
+  // that does not follow, or comes to rest somewhere else (stuck, lost steps), is Unavailable; the
+  // message has both angles. A loss of steps is mended by Enable after Disable, not by another move.
   virtual Status AwaitMove(RigTime deadline) = 0;
   // Commands the fastest permitted deceleration and returns without waiting. Callable at any time
   // from the owning thread, also while the StopFlag is raised.

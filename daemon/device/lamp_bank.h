@@ -12,7 +12,8 @@ namespace mesorig::daemon {
 class LampBank {
  public:
   virtual ~LampBank() = default;
-  // Reads the bank once; Unavailable when it does not answer.
+  // Reads the bank once; Unavailable when it does not answer. Again after it was gone: its
+  // connection is made anew by itself.
   virtual Status Open() = 0;
   // Switches on this channel alone (-1: none). Returns when the bank has confirmed the command,
   // not when the light is steady.

@@ -22,7 +22,9 @@ class LineLaser {
  public:
   virtual ~LineLaser() = default;
   virtual const std::string& name() const = 0;
-  // Finds the unit and stops its motor. Unavailable: no answer, or its battery is low.
+  // Finds the unit and stops its motor; again after it was gone. Unavailable: no answer, or its
+  // battery is low. A unit that was off meanwhile has lost its zero: what needs it is then
+  // Unavailable until MarkZero.
   virtual Status Open() = 0;
   // The emitter stands where its sheet passes through the turntable's centre: tilt 0 from now on.
   virtual Status MarkZero() = 0;

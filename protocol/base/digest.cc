@@ -13,6 +13,8 @@ std::string FrameDigest(std::string_view bytes) {
   return fmt::format("{:016x}{:016x}", hash.high64, hash.low64);
 }
 
+uint64_t Checksum(std::string_view bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
+
 std::string Sha256(std::string_view bytes) {
   unsigned char out[32];
   unsigned int size = 0;

@@ -12,7 +12,7 @@
 
 namespace mesorig::sim_wire {
 
-inline constexpr uint16_t kProtocolVersion = 1;
+inline constexpr uint16_t kProtocolVersion = 2;
 inline constexpr size_t kMaxPayload = 64u << 20;
 
 enum class MessageType : uint8_t {
@@ -25,12 +25,18 @@ enum class MessageType : uint8_t {
   kInject = 6,   // payload: text; a fault or an operator's hand; answered by kReply
   // simulator to daemon
   kWelcome = 16,   // payload: Welcome
-  kReply = 17,     // payload: u8 ok, then the answer or an error text
+  kReply = 17,     // payload: u8 Answer, then the answer or an error text
   kOutput = 18,    // a device's output at `time`
   kAdvanced = 19,  // time: now; payload: u8 flags (AdvancedFlags)
 };
 
 enum class Role : uint8_t { kRig = 0, kInjector = 1 };
+
+enum class Answer : uint8_t {
+  kRefused = 0,  // FailedPrecondition at the asker
+  kOk = 1,
+  kNobody = 2,  // the device is unplugged or did not answer: Unavailable at the asker
+};
 
 inline constexpr uint8_t kDeterministic = 1;  // no run-on since the session's Hello
 inline constexpr uint8_t kDeadEnd = 2;        // no device will ever do anything by itself

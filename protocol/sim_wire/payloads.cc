@@ -1,9 +1,16 @@
 #include "protocol/sim_wire/payloads.h"
 
 #include "protocol/base/bytes.h"
+#include "protocol/base/digest.h"
 
 namespace mesorig::sim_wire {
 namespace {
+
+constexpr size_t kFrameHeader = 4 + 8 + 8 + 8 + 2 + 2 + 1;
+
+uint64_t FrameChecksum(std::string_view header, std::string_view pixels) {
+  return Checksum(header) + 31 * Checksum(pixels);
+}
 
 Status Malformed(std::string_view what) { return InvalidArgument("malformed {} payload", what); }
 
@@ -89,14 +96,18 @@ StatusOr<CameraTrigger> UnpackCameraTrigger(std::string_view bytes) {
 }
 
 std::string Pack(const CameraFrame& frame) {
+  const std::string header = ByteWriter()
+                                 .Put(frame.trigger_id)
+                                 .Put(frame.frame_id)
+                                 .Put<int64_t>(frame.exposure_start.count())
+                                 .Put<int64_t>(frame.exposure_end.count())
+                                 .Put(frame.width)
+                                 .Put(frame.height)
+                                 .Put(frame.bits)
+                                 .Take();
   return ByteWriter()
-      .Put(frame.trigger_id)
-      .Put(frame.frame_id)
-      .Put<int64_t>(frame.exposure_start.count())
-      .Put<int64_t>(frame.exposure_end.count())
-      .Put(frame.width)
-      .Put(frame.height)
-      .Put(frame.bits)
+      .PutRaw(header)
+      .Put(FrameChecksum(header, frame.pixels))
       .PutRaw(frame.pixels)
       .Take();
 }
@@ -111,11 +122,18 @@ StatusOr<CameraFrame> UnpackCameraFrame(std::string_view bytes) {
   frame.width = in.Get<uint16_t>();
   frame.height = in.Get<uint16_t>();
   frame.bits = in.Get<uint8_t>();
+  const auto checksum = in.Get<uint64_t>();
+  const std::string_view pixels = in.GetRaw(in.remaining());
   const size_t size = size_t{frame.width} * frame.height * (frame.bits > 8 ? 2 : 1);
-  if (!in.ok() || (frame.bits != 8 && frame.bits != 12) || in.remaining() != size) {
+  if (!in.done() || (frame.bits != 8 && frame.bits != 12) || pixels.size() > size ||
+      checksum != FrameChecksum(bytes.substr(0, kFrameHeader), pixels)) {
     return Malformed("camera frame");
   }
-  frame.pixels = in.GetRaw(size);
+  if (pixels.size() < size) {
+    return DataLoss("frame of trigger {}: {} of {} bytes of pixels", frame.trigger_id,
+                    pixels.size(), size);
+  }
+  frame.pixels = pixels;
   return frame;
 }
 

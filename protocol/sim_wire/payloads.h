@@ -52,8 +52,9 @@ enum class CameraRegister : uint16_t {
   kRegionY = 5,
   kRegionWidth = 6,
   kRegionHeight = 7,
+  kDeviceTime_s = 8,  // read only: what the camera's own clock says
 };
-inline constexpr CameraRegister kLastCameraRegister = CameraRegister::kRegionHeight;
+inline constexpr CameraRegister kLastCameraRegister = CameraRegister::kDeviceTime_s;
 struct CameraAccess {
   CameraRegister reg{};
   bool write = false;
@@ -72,7 +73,8 @@ struct CameraTrigger {
 std::string Pack(const CameraTrigger& trigger);
 StatusOr<CameraTrigger> UnpackCameraTrigger(std::string_view bytes);
 
-// A camera's output: one frame, rows from the top, 8 bits a pixel or 12 in two bytes.
+// A camera's output: one frame, rows from the top, 8 bits a pixel or 12 in two bytes. The times are
+// the camera's own clock's. A checksum over all of it stands for the one that real transports have.
 struct CameraFrame {
   uint32_t trigger_id = 0;
   uint64_t frame_id = 0;  // counts this camera's frames from 1 since power-on
@@ -82,6 +84,8 @@ struct CameraFrame {
   std::string pixels;
 };
 std::string Pack(const CameraFrame& frame);
+// DataLoss when pixels are missing (a torn frame); InvalidArgument for anything else that is not
+// one whole frame.
 StatusOr<CameraFrame> UnpackCameraFrame(std::string_view bytes);
 
 }  // namespace mesorig::sim_wire

@@ -198,8 +198,10 @@ void SimLink::Handle(Envelope message) {
       if (query == queries_.end() || message.payload.empty()) return;  // timed out meanwhile
       const std::string_view text = std::string_view(message.payload).substr(1);
       query->second.done = true;
-      query->second.answer = message.payload[0] != 0 ? StatusOr<std::string>(std::string(text))
-                                                     : FailedPrecondition("{}", text);
+      const auto how = static_cast<Answer>(message.payload[0]);
+      query->second.answer = how == Answer::kOk        ? StatusOr<std::string>(std::string(text))
+                             : how == Answer::kRefused ? FailedPrecondition("{}", text)
+                                                       : Unavailable("{}", text);
       query_done_.notify_all();
       return;
     }

@@ -6,7 +6,7 @@
 
 #include <algorithm>
 #include <cerrno>
-
+#include <charconv>
 #include <cstring>
 
 #include "protocol/base/bytes.h"
@@ -34,6 +34,8 @@ Status SimDevice::Inject(RigTime, std::string_view text, Outbox&) {
   return InvalidArgument("{} does not know the fault \"{}\"", name(), text);
 }
 
+void SimDevice::Plug(RigTime, bool, Outbox&) {}
+
 SimServer::SimServer(Fd listener, std::vector<SimDevice*> devices, SimServerOptions options)
     : listener_(std::move(listener)), devices_(std::move(devices)), options_(std::move(options)) {
   int fds[2];
@@ -54,6 +56,13 @@ void SimServer::Stop() {
 void SimServer::RunExclusive(const std::function<void(RigTime now)>& f) {
   MutexLock lock(mutex_);
   f(now_);
+}
+
+Status SimServer::InjectNow(std::string_view text) {
+  MutexLock lock(mutex_);
+  const Status status = Inject(text);
+  FlushToRig();
+  return status;
 }
 
 Status SimServer::Run() {
@@ -166,31 +175,60 @@ void SimServer::Serve(Client& client, Envelope message) {
     case MessageType::kAlive:
       client.holder = message.payload;
       return;
-    case MessageType::kInject:
-      return Inject(client, message);
+    case MessageType::kInject: {
+      const Status status = Inject(message.payload);
+      FlushToRig();
+      return Reply(client, message.id, status.ok() ? StatusOr<std::string>("") : status);
+    }
     default:
       return Drop(client, "sent a message that only simulators send");
   }
 }
 
-void SimServer::Inject(Client& client, const Envelope& message) {
-  // "<device> <text>"
-  const std::string_view text = message.payload;
-  const size_t space = text.find(' ');
-  for (size_t i = 0; i < devices_.size() && space != text.npos; ++i) {
-    if (devices_[i]->name() != text.substr(0, space)) continue;
-    Outbox out;
-    const Status status = devices_[i]->Inject(now_, text.substr(space + 1), out);
-    Collect(i, out);
-    FlushToRig();
-    return Reply(client, message.id, status.ok() ? StatusOr<std::string>("") : status);
+Status SimServer::Inject(std::string_view text) {
+  const size_t space = std::min(text.find(' '), text.size());
+  const std::string_view name = text.substr(0, space);
+  const std::string_view rest = text.substr(std::min(space + 1, text.size()));
+  constexpr std::string_view kLeap = "leap ";
+  Status status = InvalidArgument("no device for \"{}\": say DEVICE FAULT", text);
+  const RigTime now = now_;
+  if (name == "rig") {
+    status = rest.starts_with(kLeap)
+                 ? Leap(rest.substr(kLeap.size()))
+                 : InvalidArgument("rig: \"{}\" is not: leap SECONDS", rest);
   }
-  Reply(client, message.id, InvalidArgument("no device for \"{}\": say DEVICE FAULT", text));
+  for (size_t i = 0; i < devices_.size() && !rest.empty(); ++i) {
+    if (devices_[i]->name() != name) continue;
+    Outbox out;
+    status = devices_[i]->Inject(now_, rest, out);
+    Collect(i, out);
+    break;
+  }
+  if (options_.on_injection) options_.on_injection(now, text, status);
+  return status;
+}
+
+// Devices live through the time; the daemon hears of it afterwards, as one that slept.
+Status SimServer::Leap(std::string_view seconds) {
+  constexpr double kLongest_s = 86400;
+  double span_s = 0;
+  const auto [end, error] = std::from_chars(seconds.data(), seconds.data() + seconds.size(), span_s);
+  if (error != std::errc() || end != seconds.data() + seconds.size() ||
+      !(span_s > 0 && span_s <= kLongest_s)) {
+    return InvalidArgument("rig: leap \"{}\" is not a number of seconds above 0, to {}", seconds,
+                           kLongest_s);
+  }
+  const RigTime target = now_ + FromSeconds(span_s);
+  while (RunNextInstant(target)) continue;
+  now_ = std::max(now_, target);
+  return OkStatus();
 }
 
 void SimServer::Reply(Client& client, uint32_t id, const StatusOr<std::string>& answer) {
   ByteWriter payload;
-  payload.Put<uint8_t>(answer.ok() ? 1 : 0);
+  payload.Put(static_cast<uint8_t>(answer.ok()                             ? Answer::kOk
+                                   : absl::IsUnavailable(answer.status()) ? Answer::kNobody
+                                                                          : Answer::kRefused));
   payload.PutRaw(answer.ok() ? std::string_view(*answer) : Message(answer.status()));
   std::string bytes;
   AppendMessage({MessageType::kReply, 0, id, now_, payload.Take()}, bytes);
@@ -221,6 +259,8 @@ void SimServer::FlushToRig() {
 bool SimServer::RunNextInstant(RigTime limit) {
   RigTime next = kNever;
   for (const SimDevice* device : devices_) next = std::min(next, device->NextEvent());
+  const auto& script = options_.script;
+  if (script_done_ < script.size()) next = std::min(next, script[script_done_].at);
   if (next == kNever || next > limit) return false;
   now_ = std::max(now_, next);
   for (size_t i = 0; i < devices_.size(); ++i) {
@@ -230,6 +270,10 @@ bool SimServer::RunNextInstant(RigTime limit) {
       devices_[i]->RunEvent(now_, out);
       Collect(i, out);
     }
+  }
+  while (script_done_ < script.size() && script[script_done_].at <= now_) {
+    const Status status = Inject(script[script_done_++].text);
+    if (!status.ok()) spdlog::warn("script of faults: {}", Message(status));
   }
   return true;
 }

@@ -43,12 +43,23 @@ class SimDevice {
   virtual void RunEvent(RigTime now, Outbox& out) = 0;
   // A fault or an operator's hand, as text; InvalidArgument when this device does not know it.
   virtual Status Inject(RigTime now, std::string_view text, Outbox& out);
+  // Its plug went out, or in again. Whoever keeps messages from an unplugged device calls this.
+  virtual void Plug(RigTime now, bool plugged, Outbox& out);
+};
+
+// A fault or a hand at an instant of virtual time; `text` is DEVICE FAULT...
+struct TimedInjection {
+  RigTime at{};
+  std::string text;
 };
 
 struct SimServerOptions {
   Welcome welcome;  // devices and now are filled in by the server
   std::chrono::milliseconds silence_limit{5000};  // of host time, then it runs on by itself
   bool pause_without_client = true;               // before the first client: time stands still
+  std::vector<TimedInjection> script;             // by time; acts after the devices' own events
+  // Told of each injection, by hand or from the script, after it.
+  std::function<void(RigTime now, std::string_view text, const Status& status)> on_injection;
 };
 
 // Thread contract: Run on one thread; Stop from any (also a signal handler); RunExclusive from any.
@@ -64,6 +75,8 @@ class SimServer {
   // (Modbus TCP). The caller's request must come from a rig thread that is not waiting, so that
   // time stands still meanwhile.
   void RunExclusive(const std::function<void(RigTime now)>& f);
+  // DEVICE FAULT..., as from the back-channel; InvalidArgument when there is no such thing.
+  Status InjectNow(std::string_view text);
 
  private:
   struct Client;
@@ -76,7 +89,9 @@ class SimServer {
   // Sends what an injection caused at once: time need not move for an edge to be seen.
   void FlushToRig() REQUIRES(mutex_);
   void Reply(Client& client, uint32_t id, const StatusOr<std::string>& answer) REQUIRES(mutex_);
-  void Inject(Client& client, const Envelope& message) REQUIRES(mutex_);
+  // "rig leap SECONDS", or DEVICE and what it shall do.
+  Status Inject(std::string_view text) REQUIRES(mutex_);
+  Status Leap(std::string_view seconds) REQUIRES(mutex_);
   void RunOn() REQUIRES(mutex_);
   void Accept();
   void Receive(Client& client) REQUIRES(mutex_);
@@ -91,6 +106,7 @@ class SimServer {
   std::vector<std::unique_ptr<Client>> clients_;
   RigTime now_ GUARDED_BY(mutex_){};
   std::vector<Envelope> outputs_ GUARDED_BY(mutex_);
+  size_t script_done_ GUARDED_BY(mutex_) = 0;
   bool had_rig_ GUARDED_BY(mutex_) = false;
   bool deterministic_ GUARDED_BY(mutex_) = true;
   bool running_on_ GUARDED_BY(mutex_) = false;

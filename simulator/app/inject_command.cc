@@ -8,6 +8,7 @@
 #include "protocol/sim_wire/envelope.h"
 #include "protocol/sim_wire/unix_socket.h"
 #include "simulator/app/commands.h"
+#include "simulator/devices/faults/fault_table.h"
 
 namespace mesorig::simulator {
 namespace {
@@ -40,7 +41,7 @@ Status ReadAnswer(const sim_wire::Fd& fd, sim_wire::MessageReader& reader, uint3
     while (const auto message = reader.Next()) {
       if (message->type != sim_wire::MessageType::kReply || message->payload.empty()) continue;
       if (message->id != id && message->id != 0) continue;
-      if (message->payload[0] != 0) return OkStatus();
+      if (message->payload[0] == static_cast<char>(sim_wire::Answer::kOk)) return OkStatus();
       return InvalidArgument("{}", std::string_view(message->payload).substr(1));
     }
     MESORIG_ASSIGN_OR_RETURN(const size_t size,
@@ -84,10 +85,12 @@ Status Inject(const InjectOptions& options) {
 Command AddInjectCommand(CLI::App& app) {
   auto options = std::make_shared<InjectOptions>();
   CLI::App* inject = app.add_subcommand(
-      "inject",
-      "A hand at the rig: lines estop open|close, lines door open|close, lines reset,\n"
-      "nxt mount MOUNT (while the door is open), nxt switch off|on,\n"
-      "operator remount MOUNT (door open, mount, door close, reset)");
+      "inject", "A fault, or a hand at the rig: DEVICE FAULT..., one of those listed below");
+  inject->footer(
+      "Devices: can, lamps, nxt, lines, camera:SERIAL, rig (the simulated rig as a whole).\n"
+      "N is 1 unless told; a silent camera is so until it is replugged.\n\n" +
+      FaultHelp("  ") + fmt::format("  {:<40} {}\n", "operator remount MOUNT",
+                                    "door open, mount, door close, reset"));
   inject->add_option("words", options->words, "DEVICE FAULT")->required();
   inject->add_option("--runtime-dir", options->runtime_dir, "Where programs find each other")
       ->capture_default_str();

@@ -7,6 +7,7 @@
 #include "protocol/base/runtime_dir.h"
 #include "simulator/app/commands.h"
 #include "simulator/app/world_rig.h"
+#include "simulator/devices/faults/fault_script.h"
 #include "simulator/devices/lamp_slave/lamp_slave.h"
 #include "simulator/world/sample.h"
 
@@ -19,7 +20,7 @@ struct RunOptions {
   uint64_t seed = 1;
   int samples_per_side = 2;
   int cache_mb = 512;
-  std::string log;
+  std::string log, faults;
 };
 
 // SIGINT and SIGTERM, waited for by a thread of its own: handlers can do next to nothing.
@@ -50,6 +51,10 @@ Status Run(const RunOptions& options) {
   StartLogging("mesorig-sim");
   MESORIG_ASSIGN_OR_RETURN(const Rig rig, LoadRig(options.rig));
   MESORIG_ASSIGN_OR_RETURN(world::Sample sample, world::LoadSample(options.sample));
+  std::vector<sim_wire::TimedInjection> script;
+  if (!options.faults.empty()) {
+    MESORIG_ASSIGN_OR_RETURN(script, LoadFaultScript(options.faults, rig));
+  }
   MESORIG_ASSIGN_OR_RETURN(auto endpoint,
                            PublishedEndpoint::Claim(options.runtime_dir, "mesorig-sim"));
   MESORIG_ASSIGN_OR_RETURN(const auto world, world::World::Build(std::move(sample.surface)));
@@ -61,13 +66,20 @@ Status Run(const RunOptions& options) {
     MESORIG_ASSIGN_OR_RETURN(log, RigLog::Create(options.log));
   }
   WorldRig world_rig(rig, *world, options.seed, image_options, log.get());
-  MESORIG_ASSIGN_OR_RETURN(auto slave, LampSlave::Listen(world_rig.lamps(), rig.lamp_bank.unit));
+  MESORIG_ASSIGN_OR_RETURN(auto slave, LampSlave::Listen(world_rig.lamps(), rig.lamp_bank.unit,
+                                                        world_rig.devices().Find("lamps")));
   MESORIG_ASSIGN_OR_RETURN(auto listener, sim_wire::Listen(endpoint.socket_path()));
   sim_wire::SimServerOptions server_options;
   server_options.welcome.rig_sha256 = rig.sha256;
   server_options.welcome.seed = options.seed;
   server_options.welcome.modbus_endpoint = slave->endpoint();
-  sim_wire::SimServer server(std::move(listener), world_rig.Devices(), server_options);
+  server_options.script = std::move(script);
+  server_options.on_injection = [&log](RigTime now, std::string_view text, const Status& status) {
+    if (!status.ok()) return;
+    spdlog::info("at {:.3f} s: {}", Seconds(now), text);
+    if (log) log->Write(now, "injected", text);
+  };
+  sim_wire::SimServer server(std::move(listener), world_rig.devices().All(), server_options);
   StopOnSignal stop(server);
   slave->Start(server);
   Status status = endpoint.Publish("unix:" + endpoint.socket_path().string());
@@ -99,8 +111,11 @@ Command AddRunCommand(CLI::App& app) {
                   "should fit")
       ->check(CLI::Range(16, 1 << 20))
       ->capture_default_str();
+  run->add_option("--faults", options->faults,
+                  "Script of faults: lines `at SECONDS DEVICE FAULT...` in virtual time\n"
+                  "(`mesorig-sim inject --help` lists the faults)");
   run->add_option("--log", options->log,
-                  "Write what really happens at the rig: laser on and off, axes, contactor, mount "
+                  "Write what really happens at the rig: laser on and off, axes, contactor, mount, faults "
                   "(tab-separated, one line an event)");
   return {run, [options] { return Run(*options); }};
 }

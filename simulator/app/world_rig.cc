@@ -17,6 +17,11 @@ WorldRig::WorldRig(const Rig& rig, const world::World& world, uint64_t seed,
   for (size_t i = 0; i < rig.cameras.size(); ++i) {
     cameras_.push_back(std::make_unique<CameraDevice>(rig, static_cast<int>(i), *this));
   }
+  std::vector<sim_wire::SimDevice*> devices = {&can_, &lamps_};
+  if (brick_) devices.push_back(brick_.get());
+  devices.push_back(&lines_);
+  for (const auto& camera : cameras_) devices.push_back(camera.get());
+  devices_ = std::make_unique<FaultyDevices>(devices);
   if (log != nullptr) LogTo(*log);
 }
 
@@ -38,14 +43,6 @@ void WorldRig::LogTo(RigLog& log) {
   laser_->OnShine(
       [&log](bool shines, RigTime now) { log.Write(now, "laser", shines ? "on" : "off"); });
   brick_->OnMotor([&log](std::string_view what, RigTime now) { log.Write(now, "motor", what); });
-}
-
-std::vector<sim_wire::SimDevice*> WorldRig::Devices() {
-  std::vector<sim_wire::SimDevice*> devices = {&can_, &lamps_};
-  if (brick_) devices.push_back(brick_.get());
-  devices.push_back(&lines_);
-  for (const auto& camera : cameras_) devices.push_back(camera.get());
-  return devices;
 }
 
 ImageSource::Scene WorldRig::Observe(RigTime from, RigTime to) {

@@ -10,6 +10,7 @@
 #include "simulator/devices/cia402_node/can_bus.h"
 #include "simulator/devices/contactor.h"
 #include "simulator/devices/digital_lines/digital_lines.h"
+#include "simulator/devices/faults/faulty_device.h"
 #include "simulator/devices/lamp_slave/lamp_bank_model.h"
 #include "simulator/devices/laser_unit/laser_unit.h"
 #include "simulator/devices/nxt_brick/nxt_brick.h"
@@ -27,7 +28,8 @@ class WorldRig final : public ImageSource {
            RigLog* log = nullptr);
 
   // In the order of effects within an instant: can, lamps, nxt (with a laser), lines, cameras.
-  std::vector<sim_wire::SimDevice*> Devices();
+  // Each with what can go wrong on its way around it.
+  FaultyDevices& devices() { return *devices_; }
   LampBankModel& lamps() { return lamps_; }
 
   Scene Observe(RigTime from, RigTime to) override;
@@ -46,6 +48,7 @@ class WorldRig final : public ImageSource {
   std::unique_ptr<NxtBrick> brick_;
   DigitalLinesDevice lines_;
   std::vector<std::unique_ptr<CameraDevice>> cameras_;
+  std::unique_ptr<FaultyDevices> devices_;
   world::CameraImages images_;
 };
 

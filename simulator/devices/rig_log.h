@@ -3,8 +3,9 @@
 // tabs after a first line that names them:
 //
 //   time_s       of the rig, nine decimals, never going back
-//   what         laser | axis NAME | contactor | mount | motor
-//   event        on, off | moves, stands | closed, open | NAME | run N %, brake, coast
+//   what         laser | axis NAME | contactor | mount | motor | injected
+//   event        on, off | moves, stands | closed, open | NAME | run N %, brake, coast | a fault's or
+//                hand's words (simulator/devices/README.md)
 //
 // The first lines, at time 0, say how everything begins. Each line is flushed. Called by the
 // dispatcher only.

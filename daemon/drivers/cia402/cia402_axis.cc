@@ -13,6 +13,7 @@ namespace {
 
 constexpr int16_t kAbortIsFault = 1;
 constexpr RigTime kEmergencyDelay{20'000'000};  // an emergency may follow its fault's statusword
+constexpr int kDisableAttempts = 3;
 constexpr double kLimitSlack_rad = 1e-9;        // limits and targets both come from degrees
 
 }  // namespace
@@ -103,6 +104,7 @@ Status Cia402Axis::Enable() {
 Status Cia402Axis::StartNode() {
   MESORIG_RETURN_IF_ERROR(bus_.Send({0x000, 2, {0x01, static_cast<uint8_t>(axis_.can_node)}}));
   MESORIG_RETURN_IF_ERROR(RefreshStatus(Heed::kStop));
+  MESORIG_RETURN_IF_ERROR(NoticeRestart());
   clock_.Change([&] {
     started_ = true;
     // A node that booted since has lost its reference.
@@ -110,6 +112,20 @@ Status Cia402Axis::StartNode() {
     boots_at_enable_ = seen_.boots;
     target_ = seen_.position;
   });
+  return OkStatus();
+}
+
+uint32_t Cia402Axis::ConsumerHeartbeat() const {
+  return uint32_t{bus_.options().node_id} << 16 |
+         static_cast<uint32_t>(Seconds(HeartbeatLimit()) * 1000);
+}
+
+Status Cia402Axis::NoticeRestart() {
+  if (!Read().referenced) return OkStatus();
+  MESORIG_ASSIGN_OR_RETURN(const uint32_t consumer, sdo_.Read(kConsumerHeartbeat));
+  if (consumer == ConsumerHeartbeat()) return OkStatus();
+  spdlog::warn("{}: its settings are gone: it restarted and has lost its reference", device_);
+  clock_.Change([&] { referenced_ = false; });
   return OkStatus();
 }
 
@@ -126,16 +142,16 @@ Status Cia402Axis::RefreshStatus(Heed heed) {
 }
 
 Status Cia402Axis::WriteSettings() {
-  const auto limit_ms = static_cast<uint32_t>(Seconds(HeartbeatLimit()) * 1000);
   const auto period_ms = static_cast<uint32_t>(heartbeat_s_ * 1000);
   const uint32_t acceleration = Counts(axis_.acceleration_rad_s2);
   const struct {
     Object object;
     uint32_t value;
   } settings[] = {
-      {kConsumerHeartbeat, uint32_t{bus_.options().node_id} << 16 | limit_ms},
+      {kConsumerHeartbeat, ConsumerHeartbeat()},
       {kProducerHeartbeat, period_ms},
       {kAbortOption, static_cast<uint16_t>(kAbortIsFault)},
+      {kFollowingErrorWindow, Counts(options_.following_window_rad)},
       {kProfileVelocity, Counts(axis_.max_velocity_rad_s)},
       {kProfileAcceleration, acceleration},
       {kProfileDeceleration, acceleration},
@@ -249,14 +265,31 @@ Status Cia402Axis::StartMove(double target_rad) {
   return SendSetPoint(kEnableOperation, target_);
 }
 
+std::string Cia402Axis::Angles(int32_t position) const {
+  return fmt::format("commanded {:.4f} deg, it stands at {:.4f} deg",
+                     DegFromRad(target_ / CountsPerRad()), DegFromRad(position / CountsPerRad()));
+}
+
 Status Cia402Axis::AwaitMove(RigTime deadline) {
   // Bit 10 fell, or was confirmed, with the acknowledge that StartMove saw.
-  MESORIG_RETURN_IF_ERROR(AwaitStatus(
-      deadline, [](uint16_t word) { return (word & kTargetReached) != 0; }, "target reached"));
-  const int32_t position = seen().position;
-  if (std::abs(static_cast<double>(position) - target_) > options_.position_window_counts) {
-    return Unavailable("{}: target reached, but the encoder says {} counts, not {} within {}",
-                       device_, position, target_, options_.position_window_counts);
+  const Status waited = AwaitStatus(
+      deadline,
+      [](uint16_t word) { return (word & (kTargetReached | kFollowingError)) != 0; },
+      "target reached");
+  const Seen now_seen = seen();
+  if (absl::IsDeadlineExceeded(waited)) {
+    return DeadlineExceeded("{}: target not reached until {:.3f} s: {}", device_,
+                            Seconds(clock_.Now()), Angles(now_seen.position));
+  }
+  MESORIG_RETURN_IF_ERROR(waited);
+  if ((now_seen.statusword & kFollowingError) != 0) {
+    return Unavailable("{}: following error (stuck, or steps were lost): {}", device_,
+                       Angles(now_seen.position));
+  }
+  const double off = std::abs(static_cast<double>(now_seen.position) - target_);
+  if (off > options_.position_window_counts) {
+    return Unavailable("{}: the drive says target reached, its encoder another place: {}", device_,
+                       Angles(now_seen.position));
   }
   return OkStatus();
 }
@@ -305,9 +338,12 @@ Status Cia402Axis::AwaitStatus(RigTime deadline, const std::function<bool(uint16
     if (waited.ok()) return OkStatus();
     const RigTime now = clock_.Now();
     if (now >= deadline) {
+      const Status asked = RefreshStatus(Heed::kStop);
+      if (absl::IsCancelled(asked)) return asked;
+      if (asked.ok() && done(seen().statusword)) return OkStatus();
       return DeadlineExceeded("{}: waiting for {}: not until {:.3f} s; it stands at {:.4f} deg",
                               device_, what, Seconds(now),
-                              DegFromRad(now_seen.position / CountsPerRad()));
+                              DegFromRad(seen().position / CountsPerRad()));
     }
     if (now >= now_seen.heard_at + HeartbeatLimit()) {
       return Unavailable("{}: no heartbeat for {} s while waiting for {}", device_,
@@ -357,6 +393,18 @@ Status Cia402Axis::Disable() {
              (now == DriveState::kQuickStopActive && stands);
     });
   }
+  Status status;
+  for (int attempt = 0; attempt < kDisableAttempts; ++attempt) {
+    status = SwitchTorqueOff();
+    if (status.ok()) return status;
+  }
+  // It may hear what it does not answer; and one that does not hear misses the daemon's heartbeat.
+  (void)SendSetPoint(kDisableVoltage, target_);
+  clock_.WaitFor(HeartbeatLimit() + options_.answer_timeout, [] { return false; });
+  return status;
+}
+
+Status Cia402Axis::SwitchTorqueOff() {
   MESORIG_RETURN_IF_ERROR(RefreshStatus(Heed::kNothing));
   const DriveState now = state();
   const bool torque = now == DriveState::kReadyToSwitchOn || now == DriveState::kSwitchedOn ||

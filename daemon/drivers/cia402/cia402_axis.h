@@ -21,6 +21,7 @@ namespace mesorig::daemon::cia402 {
 struct Cia402Options {
   RigTime answer_timeout{500'000'000};  // of one SDO, one state transition, one handshake
   double position_window_counts = 10;   // "there" when the drive says so and the encoder agrees
+  double following_window_rad = 2 * kPi / 180;  // demand less encoder; beyond, the drive says so
   int8_t homing_method = 24;            // home switch, positive initial direction
   int heartbeats_missed = 3;            // then the other side is taken for dead
 };
@@ -57,6 +58,9 @@ class Cia402Axis final : public Axis {
   DriveState state() const { return StateOf(seen().statusword); }
 
   Status StartNode();
+  // A node whose settings are gone was without supply, though its boot-up message was not heard.
+  Status NoticeRestart();
+  uint32_t ConsumerHeartbeat() const;
   Status WriteSettings();
   Status ReachOperationEnabled();
   // One controlword by SDO, then until the state is another one.
@@ -65,9 +69,13 @@ class Cia402Axis final : public Axis {
   Status SendSetPoint(uint16_t controlword, int32_t target);
   // Until `done` (of the statusword) or what makes waiting pointless: fault, torque gone, reboot,
   // no heartbeat, stop, deadline.
+  // A wait that comes to its deadline asks the drive itself: its message may have been lost.
   Status AwaitStatus(RigTime deadline, const std::function<bool(uint16_t)>& done,
                      std::string_view what);
   Status WhyNotRunning();
+  // One try of Disable.
+  Status SwitchTorqueOff();
+  std::string Angles(int32_t position) const;  // "commanded 30 deg, stands at 12 deg"
   Status CheckReady(bool needs_reference) const;
 
   double CountsPerRad() const;

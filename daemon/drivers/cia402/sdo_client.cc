@@ -3,6 +3,7 @@
 namespace mesorig::daemon::cia402 {
 namespace {
 
+constexpr int kAttempts = 2;
 constexpr uint8_t kAbort = 0x80, kUpload = 0x40, kDownloadDone = 0x60;
 
 // Expedited, size indicated: `base` with the number of bytes that hold no data.
@@ -21,11 +22,21 @@ SdoClient::SdoClient(RigClock& clock, CanBus& bus, const StopFlag& stop, int nod
   bus_.Subscribe(static_cast<uint16_t>(0x580 + node_), [this](RigTime, const CanFrame& frame) {
     // An answer to a request that was given up names another object: dropped.
     const uint32_t object = GetLittle(frame, 1, 2) << 8 | frame.data[3];
-    if (frame.size == 8 && object == expected_) answer_ = frame;
+    if (frame.size == 8 && object == expected_) {
+      answer_ = frame;
+    } else {
+      ++counts_.foreign;
+    }
   });
 }
 
 SdoClient::~SdoClient() { bus_.Unsubscribe(static_cast<uint16_t>(0x580 + node_)); }
+
+SdoCounts SdoClient::counts() const {
+  SdoCounts counts;
+  clock_.Read([&] { counts = counts_; });
+  return counts;
+}
 
 Status SdoClient::Write(const Object& object, uint32_t value, Heed heed) {
   CanFrame request;
@@ -64,19 +75,27 @@ StatusOr<CanFrame> SdoClient::Exchange(const Object& object, CanFrame request, H
     expected_ = uint32_t{object.index} << 8 | object.sub;
     answer_.reset();
   });
-  if (const Status sent = bus_.Send(request); !sent.ok()) return Annotate(sent, context());
-
-  const RigTime deadline = clock_.Now() + timeout_;
   const auto answered = [&] { return answer_.has_value(); };
-  const Status waited = heed == Heed::kStop                    ? stop_.Wait(deadline, answered)
-                        : clock_.WaitUntil(deadline, answered) ? OkStatus()
-                                                               : DeadlineExceeded("no answer");
-  if (absl::IsCancelled(waited)) return waited;
+  Status waited;
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    if (const Status sent = bus_.Send(request); !sent.ok()) return Annotate(sent, context());
+    const RigTime deadline = clock_.Now() + timeout_ / kAttempts;
+    waited = heed == Heed::kStop                    ? stop_.Wait(deadline, answered)
+             : clock_.WaitUntil(deadline, answered) ? OkStatus()
+                                                    : DeadlineExceeded("no answer");
+    if (absl::IsCancelled(waited)) return waited;
+    if (waited.ok()) break;
+    clock_.Change([&] { ++counts_.unanswered; });
+  }
   if (!waited.ok()) {
     return DeadlineExceeded("{}: no answer within {} s", context(), Seconds(timeout_));
   }
   CanFrame answer;
-  clock_.Read([&] { answer = *answer_; });
+  clock_.Change([&] {
+    answer = *answer_;
+    expected_ = 0;  // a second answer is nobody's
+    counts_.aborted += answer.data[0] == kAbort ? 1 : 0;
+  });
   if (answer.data[0] == kAbort) {
     return Unavailable("{}: aborted with {}", context(), SdoAbortText(GetLittle(answer, 4, 4)));
   }

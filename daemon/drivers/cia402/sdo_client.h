@@ -13,8 +13,15 @@ namespace mesorig::daemon::cia402 {
 
 enum class Heed { kStop, kNothing };  // whether a wait ends when the StopFlag is up
 
+// What came wrong. A transfer can be asked for twice without harm, so that one lost telegram is none.
+struct SdoCounts {
+  uint64_t unanswered = 0;  // requests without an answer in half the timeout
+  uint64_t foreign = 0;     // answers to an earlier request, or damaged: passed over
+  uint64_t aborted = 0;     // by the node
+};
+
 // Of one rig thread. Borrows clock, bus and flag.
-// Errors: DeadlineExceeded: no answer; Unavailable: the node aborted (the code in words) or the bus
+// Errors: DeadlineExceeded: no answer to two requests within the timeout; Unavailable: the node aborted (the code in words) or the bus
 // is gone; Cancelled: stopped.
 class SdoClient {
  public:
@@ -25,6 +32,7 @@ class SdoClient {
 
   Status Write(const Object& object, uint32_t value, Heed heed = Heed::kStop);
   StatusOr<uint32_t> Read(const Object& object, Heed heed = Heed::kStop);
+  SdoCounts counts() const;
 
  private:
   StatusOr<CanFrame> Exchange(const Object& object, CanFrame request, Heed heed,
@@ -39,6 +47,7 @@ class SdoClient {
   // Guarded by the clock's lock:
   uint32_t expected_ = 0;  // index << 8 | sub of the request under way
   std::optional<CanFrame> answer_;
+  SdoCounts counts_;
 };
 
 // Little-endian numbers inside a frame.

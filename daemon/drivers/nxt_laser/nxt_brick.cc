@@ -6,6 +6,7 @@ namespace mesorig::daemon::nxt_laser {
 namespace {
 
 constexpr RigTime kReplyLimit = std::chrono::seconds(1);
+constexpr int kHaltAttempts = 3;
 constexpr uint8_t kWithReply = 0x00, kReply = 0x02;
 enum Command : uint8_t {
   kSetOutputState = 0x04,
@@ -37,26 +38,50 @@ NxtBrick::~NxtBrick() {
 }
 
 StatusOr<std::string> NxtBrick::Exchange(std::string_view what, std::string telegram, size_t size) {
+  if (lost_command_ != 0) MESORIG_RETURN_IF_ERROR(Resync(std::exchange(lost_command_, 0)));
+  return ExchangeOnce(what, telegram, size);
+}
+
+Status NxtBrick::Resync(char failed_command) {
+  return failed_command == static_cast<char>(kKeepAlive)
+             ? ExchangeOnce("reading the battery", Telegram(kGetBatteryLevel).Take(), 5).status()
+             : ExchangeOnce("keep-alive", Telegram(kKeepAlive).Take(), 7).status();
+}
+
+StatusOr<std::string> NxtBrick::ExchangeOnce(std::string_view what, const std::string& telegram,
+                                             size_t size) {
   const char command = telegram[1];
   replies_.Clear();  // what a reply of an earlier exchange left, which came too late
   MESORIG_RETURN_IF_ERROR(Annotate(port_.Write(telegram), fmt::format("NXT: {}", what)));
-  // The StopFlag does not end this: a stop goes through here.
-  const auto reply = replies_.Pop(clock_.Now() + kReplyLimit);
-  if (!reply) {
-    return Unavailable("NXT: {}: no reply in {} s: the brick is off or its cable is out", what,
-                       Seconds(kReplyLimit));
+  const RigTime deadline = clock_.Now() + kReplyLimit;
+  for (;;) {
+    // The StopFlag does not end this: a stop goes through here.
+    const auto reply = replies_.Pop(deadline);
+    if (!reply) {
+      ++counts_.unanswered;
+      lost_command_ = command;
+      return Unavailable("NXT: {}: no reply in {} s: the brick is off or its cable is out", what,
+                         Seconds(kReplyLimit));
+    }
+    if (reply->size() < 3 || (*reply)[0] != static_cast<char>(kReply)) {
+      ++counts_.damaged;
+      lost_command_ = command;
+      return Unavailable("NXT: {}: {} bytes that are no reply", what, reply->size());
+    }
+    if ((*reply)[1] != command) {  // late, of an earlier telegram
+      ++counts_.foreign;
+      continue;
+    }
+    if (const auto status = static_cast<uint8_t>((*reply)[2]); status != 0) {
+      ++counts_.refused;
+      return Unavailable("NXT: {}: the brick refuses with 0x{:02X}", what, status);
+    }
+    if (reply->size() != size) {
+      ++counts_.damaged;
+      return Unavailable("NXT: {}: a reply of {} bytes, {} expected", what, reply->size(), size);
+    }
+    return *reply;
   }
-  if (reply->size() < 3 || (*reply)[0] != static_cast<char>(kReply) || (*reply)[1] != command) {
-    return Unavailable("NXT: {}: a reply of {} bytes that answers something else", what,
-                       reply->size());
-  }
-  if (const auto status = static_cast<uint8_t>((*reply)[2]); status != 0) {
-    return Unavailable("NXT: {}: the brick refuses with 0x{:02X}", what, status);
-  }
-  if (reply->size() != size) {
-    return Unavailable("NXT: {}: a reply of {} bytes, {} expected", what, reply->size(), size);
-  }
-  return *reply;
 }
 
 Status NxtBrick::Run(int motor, int power, uint32_t limit_deg) {
@@ -72,7 +97,13 @@ Status NxtBrick::Halt(int motor) {
   out.Put(static_cast<uint8_t>(motor)).Put<int8_t>(0);
   out.Put<uint8_t>(0).Put(kRegulationIdle);
   out.Put<int8_t>(0).Put(kRunIdle).Put<uint32_t>(0);
-  return Exchange("motor off", out.Take(), 3).status();
+  const std::string telegram = out.Take();
+  Status status;
+  for (int attempt = 0; attempt < kHaltAttempts; ++attempt) {  // a stop is not given up at once
+    status = Exchange("motor off", telegram, 3).status();
+    if (status.ok()) return status;
+  }
+  return status;
 }
 
 Status NxtBrick::ResetPosition(int motor) {
@@ -94,7 +125,7 @@ StatusOr<OutputState> NxtBrick::GetOutput(int motor) {
   (void)in.Get<int8_t>();   // turn ratio
   state.running = in.Get<uint8_t>() != kRunIdle;
   (void)in.Get<uint32_t>();  // tacho limit
-  (void)in.Get<int32_t>();   // tacho count of the motor's own control
+  state.tacho_deg = in.Get<int32_t>();
   (void)in.Get<int32_t>();   // block tacho count
   state.rotation_deg = in.Get<int32_t>();
   if (port != motor) return Unavailable("NXT: motor {} answered, {} was asked", port, motor);

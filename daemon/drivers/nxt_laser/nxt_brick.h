@@ -16,6 +16,15 @@ struct OutputState {
   int power = 0;             // -100..100
   bool running = false;      // the run state is not idle
   int32_t rotation_deg = 0;  // since the last ResetPosition
+  int32_t tacho_deg = 0;     // since the brick was switched on
+};
+
+// What came wrong since the brick was opened first.
+struct NxtCounts {
+  uint64_t unanswered = 0;  // telegrams without a reply in time
+  uint64_t foreign = 0;     // replies to an earlier telegram, which came late: passed over
+  uint64_t damaged = 0;     // no reply to any telegram, or of another size
+  uint64_t refused = 0;     // with an error code
 };
 
 // Of one rig thread. Borrows clock and port.
@@ -34,14 +43,22 @@ class NxtBrick {
   StatusOr<double> BatteryVolts();
   // Restarts the brick's sleep timer; returns its limit, s (0: never sleeps).
   StatusOr<double> KeepAlive();
+  const NxtCounts& counts() const { return counts_; }
 
  private:
   // `size` of the whole reply. Unavailable: no answer within a second, or the brick's error code.
   StatusOr<std::string> Exchange(std::string_view what, std::string telegram, size_t size);
+  StatusOr<std::string> ExchangeOnce(std::string_view what, const std::string& telegram,
+                                     size_t size);
+  // Replies have no number. After one that did not come, asks for something else: what comes before
+  // that answer is late.
+  Status Resync(char failed_command);
 
   RigClock& clock_;
   UsbPort& port_;
   RigQueue<std::string> replies_;
+  char lost_command_ = 0;  // whose reply may still come; 0: none
+  NxtCounts counts_;
 };
 
 }  // namespace mesorig::daemon::nxt_laser

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "daemon/device/line_laser.h"
 #include "daemon/drivers/driver.h"
@@ -46,12 +47,16 @@ class NxtLaser final : public LineLaser {
   Status Travel(double motor_deg);
   Status AwaitRest(RigTime deadline, double motor_deg);
   Status Pause();  // one poll
+  // The motor, as long as its zero is where it was marked: Unavailable once the brick was off.
+  StatusOr<OutputState> GetOutput();
 
   RigClock& clock_;
   const StopFlag& stop_;
   const Laser laser_;
   NxtBrick brick_;
   double sweep_sign_ = 1;
+  // Tacho less rotation at MarkZero: the brick keeps it as long as it is on.
+  std::optional<int32_t> zero_tacho_deg_;
   RigTime keep_alive_due_{};
 };
 
@@ -67,7 +72,23 @@ Status NxtLaser::Open() {
   return KeepAlive();
 }
 
-Status NxtLaser::MarkZero() { return Named(brick_.ResetPosition(laser_.motor_port)); }
+Status NxtLaser::MarkZero() {
+  zero_tacho_deg_.reset();
+  MESORIG_RETURN_IF_ERROR(Named(brick_.ResetPosition(laser_.motor_port)));
+  MESORIG_ASSIGN_OR_RETURN(const OutputState output, GetOutput());
+  zero_tacho_deg_ = output.tacho_deg - output.rotation_deg;
+  return OkStatus();
+}
+
+StatusOr<OutputState> NxtLaser::GetOutput() {
+  const auto output = brick_.GetOutput(laser_.motor_port);
+  if (!output.ok()) return Named(output.status());
+  if (zero_tacho_deg_ && output->tacho_deg - output->rotation_deg != *zero_tacho_deg_) {
+    return Unavailable("laser {}: its zero is lost, the brick was off since it was marked",
+                       laser_.name);
+  }
+  return *output;
+}
 
 Status NxtLaser::KeepAlive() {
   if (clock_.Now() < keep_alive_due_) return OkStatus();
@@ -104,9 +125,8 @@ Status NxtLaser::Prepare(double tilt_rad, double rate_rad_s) {
 Status NxtLaser::Travel(double motor_deg) {
   double residual = 0;
   for (int attempt = 0; attempt <= kTravelAttempts; ++attempt) {
-    const auto output = brick_.GetOutput(laser_.motor_port);
-    if (!output.ok()) return Named(output.status());
-    residual = motor_deg - output->rotation_deg;
+    MESORIG_ASSIGN_OR_RETURN(const OutputState output, GetOutput());
+    residual = motor_deg - output.rotation_deg;
     if (std::abs(residual) <= kPositionTolerance_deg) return OkStatus();
     if (attempt == kTravelAttempts) break;
     const auto distance = static_cast<uint32_t>(std::abs(std::round(residual)));
@@ -131,11 +151,10 @@ Status NxtLaser::AwaitRest(RigTime deadline, double motor_deg) {
   bool has_last = false;
   for (;;) {
     MESORIG_RETURN_IF_ERROR(Pause());
-    const auto output = brick_.GetOutput(laser_.motor_port);
-    if (!output.ok()) return Named(output.status());
-    if (!output->running && has_last && output->rotation_deg == last) return OkStatus();
-    has_last = !output->running;
-    last = output->rotation_deg;
+    MESORIG_ASSIGN_OR_RETURN(const OutputState output, GetOutput());
+    if (!output.running && has_last && output.rotation_deg == last) return OkStatus();
+    has_last = !output.running;
+    last = output.rotation_deg;
     if (clock_.Now() >= deadline) {
       (void)Stop();
       return DeadlineExceeded("laser {}: the motor is at {} deg and still on its way to {:.0f}",
@@ -164,9 +183,8 @@ Status NxtLaser::AwaitTilt(double tilt_rad, RigTime deadline) {
 }
 
 StatusOr<LaserReading> NxtLaser::Read() {
-  const auto output = brick_.GetOutput(laser_.motor_port);
-  if (!output.ok()) return Named(output.status());
-  return LaserReading{RadFromDeg(output->rotation_deg) / laser_.gear_ratio, output->running,
+  MESORIG_ASSIGN_OR_RETURN(const OutputState output, GetOutput());
+  return LaserReading{RadFromDeg(output.rotation_deg) / laser_.gear_ratio, output.running,
                       clock_.Now()};
 }
 

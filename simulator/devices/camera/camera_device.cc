@@ -3,10 +3,25 @@
 #include <cmath>
 
 #include "protocol/base/log.h"
+#include "simulator/devices/faults/fault_table.h"
 
 namespace mesorig::simulator {
 
 using sim_wire::CameraRegister;
+
+namespace {
+
+constexpr uint32_t kAll = 0xFFFFFFFF;
+constexpr uint32_t kForeignTriggers = 1'000'000;  // far from any that a run gives
+
+// Whether this frame is one of them.
+bool Take(uint32_t& count) {
+  if (count == 0) return false;
+  if (count != kAll) --count;
+  return true;
+}
+
+}  // namespace
 
 CameraDevice::CameraDevice(const Rig& rig, int index, ImageSource& source)
     : camera_(rig.cameras[index]),
@@ -28,7 +43,8 @@ void CameraDevice::Command(RigTime now, std::string_view payload, sim_wire::Outb
   exposure_ = Exposure{trigger->trigger_id, now, end, end + FromSeconds(readout_s), {}};
 }
 
-StatusOr<std::string> CameraDevice::Query(RigTime, std::string_view payload, sim_wire::Outbox&) {
+StatusOr<std::string> CameraDevice::Query(RigTime now, std::string_view payload,
+                                          sim_wire::Outbox&) {
   MESORIG_ASSIGN_OR_RETURN(const auto access, sim_wire::UnpackCameraAccess(payload));
   const double value = access.value;
   if (access.write && exposure_) {
@@ -61,6 +77,9 @@ StatusOr<std::string> CameraDevice::Query(RigTime, std::string_view payload, sim
     case CameraRegister::kRegionWidth:
     case CameraRegister::kRegionHeight:
       return AccessRegion(access);
+    case CameraRegister::kDeviceTime_s:
+      if (access.write) return InvalidArgument("camera {}: its clock is not set", camera_.name);
+      return sim_wire::PackRegisterValue(Seconds(now + clock_offset_));
   }
   return InvalidArgument("camera {}: no such register", camera_.name);
 }
@@ -116,13 +135,68 @@ void CameraDevice::Deliver(sim_wire::Outbox& out) {
   sim_wire::CameraFrame frame;
   frame.trigger_id = exposure.trigger_id;
   frame.frame_id = ++frames_;
-  frame.exposure_start = exposure.start;
-  frame.exposure_end = exposure.end;
+  frame.exposure_start = exposure.start + clock_offset_;
+  frame.exposure_end = exposure.end + clock_offset_;
   frame.width = static_cast<uint16_t>(region_.width);
   frame.height = static_cast<uint16_t>(region_.height);
   frame.bits = static_cast<uint8_t>(camera_.bits);
   frame.pixels = *pixels;
+  Send(std::move(frame), out);
+}
+
+void CameraDevice::Send(sim_wire::CameraFrame frame, sim_wire::Outbox& out) {
+  if (Take(faults_.silent)) return;
+  if (last_ && Take(faults_.stale)) {  // its times and count are the old ones'
+    last_->trigger_id = frame.trigger_id;
+    out.Send(sim_wire::Pack(*last_));
+    return;
+  }
+  if (Take(faults_.wrong_id)) frame.trigger_id += kForeignTriggers;
+  if (Take(faults_.torn)) {
+    frame.pixels.resize(frame.pixels.size() / frame.height * (frame.height / 2));
+    out.Send(sim_wire::Pack(frame));
+    return;
+  }
   out.Send(sim_wire::Pack(frame));
+  last_ = std::move(frame);
+}
+
+Status CameraDevice::Inject(RigTime, std::string_view text, sim_wire::Outbox&) {
+  constexpr double kLongest_s = 1e6;
+  const auto words = FaultWords(text);
+  const std::string_view fault = words.empty() ? std::string_view() : words[0];
+  if (fault == "clock" && words.size() == 2) {
+    double seconds = 0;
+    MESORIG_RETURN_IF_ERROR(FaultReal(words, 1, -kLongest_s, kLongest_s, seconds));
+    clock_offset_ += RigTime(static_cast<int64_t>(std::llround(seconds * 1e9)));
+    return OkStatus();
+  }
+  uint32_t* const count = fault == "silent"     ? &faults_.silent
+                          : fault == "torn"     ? &faults_.torn
+                          : fault == "stale"    ? &faults_.stale
+                          : fault == "wrong_id" ? &faults_.wrong_id
+                                                : nullptr;
+  if (count == nullptr || words.size() > 2) {
+    return InvalidArgument(
+        "camera {}: \"{}\" is not one of: silent [N], torn [N], stale [N], wrong_id [N], clock "
+        "SECONDS",
+        camera_.name, text);
+  }
+  return Annotate(FaultNumber(words, 1, 0, kAll, fault == "silent" ? kAll : 1u, *count),
+                  fmt::format("camera {}", camera_.name));
+}
+
+void CameraDevice::Plug(RigTime now, bool plugged, sim_wire::Outbox&) {
+  exposure_.reset();
+  if (!plugged) return;
+  exposure_s_ = camera_.min_exposure_s;
+  gain_ = 1;
+  region_ = camera_.full_region();
+  repeat_index_ = 0;
+  frames_ = 0;
+  clock_offset_ = -now;
+  faults_ = {};
+  last_.reset();
 }
 
 }  // namespace mesorig::simulator

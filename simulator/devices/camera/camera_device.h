@@ -33,6 +33,8 @@ class ImageSource {
                                                          double exposure_s) = 0;
 };
 
+// By the back-channel: silent [N], torn [N], stale [N], wrong_id [N], clock SECONDS. Unplugged it
+// is without supply: settings, frame count and clock begin anew, a silent one speaks again.
 class CameraDevice final : public sim_wire::SimDevice {
  public:
   // `index` into Rig::cameras; rig and source are borrowed.
@@ -45,8 +47,14 @@ class CameraDevice final : public sim_wire::SimDevice {
                               sim_wire::Outbox& out) override;
   RigTime NextEvent() const override;
   void RunEvent(RigTime now, sim_wire::Outbox& out) override;
+  Status Inject(RigTime now, std::string_view text, sim_wire::Outbox& out) override;
+  void Plug(RigTime now, bool plugged, sim_wire::Outbox& out) override;
 
  private:
+  // What is wrong with the next so many frames.
+  struct Faults {
+    uint32_t silent = 0, torn = 0, stale = 0, wrong_id = 0;
+  };
   struct Exposure {
     uint32_t trigger_id = 0;
     RigTime start{}, end{}, delivery{};
@@ -54,15 +62,19 @@ class CameraDevice final : public sim_wire::SimDevice {
   };
   StatusOr<std::string> AccessRegion(const sim_wire::CameraAccess& access);
   void Deliver(sim_wire::Outbox& out);
+  void Send(sim_wire::CameraFrame frame, sim_wire::Outbox& out);
 
   const Camera& camera_;
   const int index_;
   ImageSource& source_;
-  double exposure_s_, gain_ = 1;
+  double exposure_s_ = 0, gain_ = 1;
   Region region_;  // of the next frames
   uint32_t repeat_index_ = 0;
   uint64_t frames_ = 0;
+  RigTime clock_offset_{};  // its own clock less the rig's
   std::optional<Exposure> exposure_;
+  Faults faults_;
+  std::optional<sim_wire::CameraFrame> last_;  // sent
 };
 
 }  // namespace mesorig::simulator

@@ -1,5 +1,8 @@
 #pragma once
-// The CAN bus of the rig as one SimDevice: every node hears every frame.
+// The CAN bus of the rig as one SimDevice: every node hears every frame. By the back-channel `can
+// AXIS FAULT`: the messages of one node (simulator/devices/faults/message_faults.h, counted are
+// those of its own identifiers, NMT and heartbeats), `stuck`, `free` and `lose DEG`. A node that is
+// disconnected is without supply as well, and boots when it is plugged in again.
 
 #include <functional>
 #include <memory>
@@ -8,6 +11,7 @@
 #include "protocol/sim_wire/sim_server.h"
 #include "simulator/devices/cia402_node/cia402_node.h"
 #include "simulator/devices/contactor.h"
+#include "simulator/devices/faults/message_faults.h"
 
 namespace mesorig::simulator {
 
@@ -22,6 +26,7 @@ class CanBusDevice final : public sim_wire::SimDevice {
                               sim_wire::Outbox& out) override;
   RigTime NextEvent() const override;
   void RunEvent(RigTime now, sim_wire::Outbox& out) override;
+  Status Inject(RigTime now, std::string_view text, sim_wire::Outbox& out) override;
 
   // Told when an axis (index into Rig::axes) begins to move and when it stands again.
   void OnMotion(const std::function<void(size_t axis, bool moves, RigTime)>& f);
@@ -30,9 +35,16 @@ class CanBusDevice final : public sim_wire::SimDevice {
 
  private:
   void SendPending(sim_wire::Outbox& out);
-  void Collect(Cia402Node& from, RigTime now, sim_wire::Outbox& out);
+  // A frame on its way to a node, from a node to the bus, and on the bus.
+  void Hear(size_t axis, const sim_wire::CanFrame& frame, RigTime now);
+  void Collect(size_t axis, RigTime now, sim_wire::Outbox& out);
+  void Say(size_t axis, const std::string& packed, RigTime now, sim_wire::Outbox& out);
+  Status InjectAxis(size_t axis, RigTime now, std::string_view text);
+
+  std::vector<Axis> axes_;
   std::vector<std::unique_ptr<Cia402Node>> nodes_;
-  std::vector<sim_wire::CanFrame> pending_;  // said outside a call of the dispatcher
+  std::vector<std::unique_ptr<MessageFaults>> faults_;  // per node
+  sim_wire::Outbox pending_;  // said outside a call of the dispatcher
   RigTime pending_at_ = kNever;
 };
 

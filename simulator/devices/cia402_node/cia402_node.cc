@@ -47,6 +47,7 @@ void Cia402Node::Reset(RigTime now) {
   d.Add(0x6064, 0, {4, false, -kMax32 - 1, kMax32, 0});
   d.Add(0x607A, 0, {4, true, -kMax32 - 1, kMax32, 0});
   d.Add(0x607C, 0, {4, true, -kMax32 - 1, kMax32, 0});
+  d.Add(0x6065, 0, {4, true, 0, kMaxU32, kMaxU32});  // following error window; all ones: none
   d.Add(0x6081, 0, {4, true, 1, kMaxU32, counts(axis_.max_velocity_rad_s)});
   d.Add(0x6083, 0, {4, true, 1, kMaxU32, counts(axis_.acceleration_rad_s2)});
   d.Add(0x6084, 0, {4, true, 1, kMaxU32, counts(axis_.acceleration_rad_s2)});
@@ -59,7 +60,7 @@ void Cia402Node::Reset(RigTime now) {
   d.Add(0x6502, 0, {4, false, 0, 0, 1u << 0 | 1u << 5});  // supported modes
   operational_ = false;
   state_ = State::kSwitchOnDisabled;
-  homing_ = homing_attained_ = set_point_ack_ = false;
+  homing_ = homing_attained_ = homing_error_ = set_point_ack_ = false;
   target_reached_ = true;
   next_heartbeat_ = consumer_deadline_ = next_status_ = kNever;
   controlword_ = 0;
@@ -123,7 +124,7 @@ void Cia402Node::Sdo(const CanFrame& frame, RigTime now) {
       return Controlword(static_cast<uint16_t>(Value(0x6040)), now);
     case 0x6060:
       dictionary_.Set(0x6061, 0, Value(0x6060));
-      homing_attained_ = false;
+      homing_attained_ = homing_error_ = false;
       return;
     default:
       return;
@@ -176,14 +177,14 @@ void Cia402Node::Transition(uint16_t word, RigTime now) {  // CiA 402, table "co
 void Cia402Node::NewSetPoint(RigTime now) {
   set_point_ack_ = true;
   double target = dictionary_.GetSigned(0x607A, 0);
-  target += (controlword_ & 0x40) != 0 ? WorldCounts(now) : encoder_zero_;
+  target += (controlword_ & 0x40) != 0 ? DemandCounts(now) : encoder_zero_;
   StartMotion(target, Value(0x6081), now);
 }
 
 void Cia402Node::StartHoming(RigTime now) {
+  StandStill(now);  // steps that were lost before do not count: the switch is sought
   homing_ = true;
-  homing_attained_ = false;
-  homing_legs_.clear();
+  homing_attained_ = homing_error_ = false;
   if (Value(0x6098) == 24) {
     // To the switch's edge at search speed, a little past it, and back onto the edge slowly.
     const double edge = 0, past = axis_.counts_per_turn / 360;
@@ -200,8 +201,10 @@ void Cia402Node::NextHomingLeg(RigTime now) {
     return StartMotion(target, velocity, now);
   }
   homing_ = false;
-  homing_attained_ = true;
   target_reached_ = true;
+  homing_error_ = stuck_at_.has_value();  // no switch came
+  homing_attained_ = !homing_error_;
+  if (homing_error_) return StandStill(now);
   encoder_zero_ = WorldCounts(now) - dictionary_.GetSigned(0x607C, 0);
 }
 
@@ -214,7 +217,7 @@ void Cia402Node::StartMotion(double target, double velocity, RigTime now) {
   target_reached_ = false;
   const uint32_t period = Value(0x1802, 5);
   next_status_ = period == 0 ? kNever : now + milliseconds(period);
-  SetMoves(motion_.duration_s() > 0, now);
+  SetMoves(Moving(now), now);
 }
 
 void Cia402Node::SetMoves(bool moves, RigTime now) {
@@ -227,6 +230,7 @@ void Cia402Node::StandStill(RigTime now) {
   motion_ = plant::MotionProfile::Standing(std::round(WorldCounts(now)));
   motion_start_ = now;
   motion_pending_ = homing_ = false;
+  lost_ = 0;
   homing_legs_.clear();
   next_status_ = kNever;
   SetMoves(false, now);
@@ -239,7 +243,7 @@ void Cia402Node::QuickStop(RigTime now) {
   motion_pending_ = true;
   homing_ = false;
   homing_legs_.clear();
-  SetMoves(motion_.duration_s() > 0, now);
+  SetMoves(Moving(now), now);
   state_ = State::kQuickStopActive;
 }
 
@@ -268,8 +272,41 @@ void Cia402Node::HeartbeatLost(RigTime now) {
   }
 }
 
+void Cia402Node::SetSupply(bool on, RigTime now) {
+  if (on == supplied_) return;
+  supplied_ = on;
+  if (on) {
+    encoder_zero_ = WorldCounts(now);
+    return Reset(now);
+  }
+  StandStill(now);
+  state_ = State::kSwitchOnDisabled;
+  operational_ = false;
+  next_heartbeat_ = consumer_deadline_ = next_status_ = kNever;
+  output_.clear();
+}
+
+void Cia402Node::SetStuck(bool stuck, RigTime now) {
+  if (stuck == stuck_at_.has_value()) return;
+  if (stuck) {
+    stuck_at_ = WorldCounts(now);
+    return SetMoves(false, now);
+  }
+  const double world = *std::exchange(stuck_at_, std::nullopt);
+  lost_ = DemandCounts(now) - world;
+  SetMoves(Moving(now), now);
+  SendStatusIfChanged(now);
+}
+
+void Cia402Node::LoseSteps(double counts, RigTime now) {
+  if (homing_ || stuck_at_) return;
+  lost_ += std::round(counts);
+  SendStatusIfChanged(now);
+}
+
 void Cia402Node::SetPower(bool on, RigTime now) {
   power_ = on;
+  if (!supplied_) return;
   if (!on) {
     // Torque is gone at once; the gear's friction holds the axis where it is.
     StandStill(now);
@@ -310,18 +347,28 @@ void Cia402Node::MotionEnded(RigTime now) {
     return;
   }
   SetMoves(false, now);
-  if (state_ == State::kQuickStopActive) state_ = State::kSwitchOnDisabled;
-  target_reached_ = true;
+  if (state_ == State::kQuickStopActive) {
+    state_ = State::kSwitchOnDisabled;
+    StandStill(now);
+  }
+  target_reached_ = !FollowingError(now);
   SendStatus(now);
 }
 
-double Cia402Node::WorldCounts(RigTime t) const { return motion_.Position(Elapsed(t)); }
+double Cia402Node::WorldCounts(RigTime t) const {
+  return stuck_at_ ? *stuck_at_ : DemandCounts(t) - lost_;
+}
+
+bool Cia402Node::FollowingError(RigTime now) const {
+  const uint32_t window = Value(0x6065);
+  return window != 0xFFFFFFFF && std::abs(DemandCounts(now) - WorldCounts(now)) > window;
+}
 
 int32_t Cia402Node::ActualCounts(RigTime now) const {
   return static_cast<int32_t>(std::lround(WorldCounts(now) - encoder_zero_));
 }
 
-uint16_t Cia402Node::Statusword(RigTime) const {
+uint16_t Cia402Node::Statusword(RigTime now) const {
   constexpr uint16_t kRemote = 0x200, kVoltage = 0x10;
   uint16_t word = kRemote;
   if (power_) word |= kVoltage;
@@ -348,6 +395,7 @@ uint16_t Cia402Node::Statusword(RigTime) const {
   if (target_reached_) word |= 1 << 10;
   const bool homing_mode = Value(0x6061) == kHoming;
   if (homing_mode ? homing_attained_ : set_point_ack_) word |= 1 << 12;
+  if (homing_mode ? homing_error_ : FollowingError(now)) word |= 1 << 13;
   return word;
 }
 

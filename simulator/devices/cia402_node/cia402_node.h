@@ -1,6 +1,12 @@
 #pragma once
 // One drive with its axis. Position in encoder counts; the world's angle is what the encoder shows
 // after homing, so that an axis that was never homed is somewhere else than it says.
+//
+// The drive steps its motor without looking; the encoder sits on the axis and reads where it really
+// is. Steps that the motor lost, or does not make because it is stuck, show as the difference
+// between demand and encoder: over the window 0x6065 as a following error (bit 13), below it as a
+// target that was reached somewhere else. Switching torque off and on starts anew from where the
+// axis stands; so does homing, which seeks its switch.
 
 #include <cstdint>
 #include <deque>
@@ -26,6 +32,13 @@ class Cia402Node {
   RigTime NextEvent() const;
   void RunEvent(RigTime now);
   void SetPower(bool on, RigTime now);
+  // The drive's own supply. Without it nothing is heard or said; when it comes back the drive boots
+  // and its encoder counts from 0 where the axis stands: its reference is lost.
+  void SetSupply(bool on, RigTime now);
+  // The motor does not turn any more, or turns again.
+  void SetStuck(bool stuck, RigTime now);
+  // In counts, of either sign; nothing while it homes, which seeks its switch.
+  void LoseSteps(double counts, RigTime now);
   std::vector<sim_wire::CanFrame> TakeOutput() { return std::exchange(output_, {}); }
 
   // Told when the axis begins to move and when it stands again.
@@ -33,7 +46,7 @@ class Cia402Node {
 
   // The world's view: angle from the home switch, and whether it is exactly a commanded count.
   double WorldCounts(RigTime t) const;
-  bool Moving(RigTime t) const { return Elapsed(t) < motion_.duration_s(); }
+  bool Moving(RigTime t) const { return !stuck_at_ && Elapsed(t) < motion_.duration_s(); }
   bool torque_on() const { return state_ == State::kOperationEnabled; }
   int node() const { return axis_.can_node; }
 
@@ -61,6 +74,9 @@ class Cia402Node {
   void HeartbeatLost(RigTime now);
   void MotionEnded(RigTime now);
   void SetMoves(bool moves, RigTime now);
+  // Where the drive thinks that it is, in world counts.
+  double DemandCounts(RigTime t) const { return motion_.Position(Elapsed(t)); }
+  bool FollowingError(RigTime now) const;
   uint16_t Statusword(RigTime now) const;
   int32_t ActualCounts(RigTime now) const;  // what the encoder shows
   void SendStatus(RigTime now);
@@ -70,7 +86,7 @@ class Cia402Node {
 
   const Axis axis_;
   ObjectDictionary dictionary_;
-  bool power_ = true;
+  bool power_ = true, supplied_ = true;
   bool operational_ = false;  // NMT
   State state_ = State::kSwitchOnDisabled;
   uint16_t controlword_ = 0, last_statusword_ = 0;
@@ -81,7 +97,10 @@ class Cia402Node {
   std::function<void(bool, RigTime)> on_motion_;
   double encoder_zero_ = 0;      // world counts at which the encoder shows 0
   std::deque<std::pair<double, double>> homing_legs_;  // target (world counts), velocity
-  bool homing_ = false, homing_attained_ = false, target_reached_ = true, set_point_ack_ = false;
+  bool homing_ = false, homing_attained_ = false, homing_error_ = false;
+  bool target_reached_ = true, set_point_ack_ = false;
+  double lost_ = 0;                  // demand less world, counts
+  std::optional<double> stuck_at_;   // world counts
   RigTime next_heartbeat_ = kNever, consumer_deadline_ = kNever, next_status_ = kNever;
   std::vector<sim_wire::CanFrame> output_;
 };

@@ -21,22 +21,21 @@ void DigitalLinesDevice::Command(RigTime now, std::string_view payload, sim_wire
 StatusOr<std::string> DigitalLinesDevice::Query(RigTime now, std::string_view payload,
                                                 sim_wire::Outbox&) {
   MESORIG_ASSIGN_OR_RETURN(const uint16_t line, sim_wire::UnpackLineQuery(payload));
-  bool level = false;
-  if (line == lines_.estop) {
-    level = estop_closed_;
-  } else if (line == lines_.door) {
-    level = door_closed_;
-  } else if (laser_ != nullptr && line == lines_.laser_on) {
-    level = laser_->Shines(now);
-  } else if (laser_ != nullptr && line == lines_.laser_trigger) {
-    level = trigger_;
-  } else if (line != lines_.reset) {
-    const std::string more =
-        laser_ ? fmt::format(", {}, {}", lines_.laser_trigger, lines_.laser_on) : "";
-    return InvalidArgument("line {} is not wired; wired are {}, {}, {}{}", line, lines_.estop,
-                           lines_.door, lines_.reset, more);
-  }
+  MESORIG_ASSIGN_OR_RETURN(bool level, Level(line, now));
+  if (const auto stuck = stuck_.find(line); stuck != stuck_.end()) level = stuck->second;
   return std::string(1, level ? '\1' : '\0');
+}
+
+StatusOr<bool> DigitalLinesDevice::Level(int line, RigTime now) const {
+  if (line == lines_.estop) return estop_closed_;
+  if (line == lines_.door) return door_closed_;
+  if (line == lines_.reset) return false;
+  if (laser_ != nullptr && line == lines_.laser_on) return laser_->Shines(now);
+  if (laser_ != nullptr && line == lines_.laser_trigger) return trigger_;
+  const std::string more =
+      laser_ ? fmt::format(", {}, {}", lines_.laser_trigger, lines_.laser_on) : "";
+  return InvalidArgument("line {} is not wired; wired are {}, {}, {}{}", line, lines_.estop,
+                         lines_.door, lines_.reset, more);
 }
 
 RigTime DigitalLinesDevice::NextEvent() const {
@@ -68,10 +67,34 @@ Status DigitalLinesDevice::Inject(RigTime now, std::string_view text, sim_wire::
     SendEdge(lines_.reset, true, out);
     contactor_.ResetEdge(now);
     SendEdge(lines_.reset, false, out);
+  } else if (text.starts_with("stuck ") || text.starts_with("free ")) {
+    return SetStuck(text.substr(text.find(' ') + 1), text.starts_with("stuck "), now, out);
   } else {
     return InvalidArgument(
-        "lines: \"{}\" is not one of: estop open, estop close, door open, door close, reset", text);
+        "lines: \"{}\" is not one of: estop open, estop close, door open, door close, reset, stuck "
+        "INPUT, free INPUT",
+        text);
   }
+  return OkStatus();
+}
+
+Status DigitalLinesDevice::SetStuck(std::string_view input, bool stuck, RigTime now,
+                                    sim_wire::Outbox& out) {
+  const int line = input == "estop"                         ? lines_.estop
+                   : input == "door"                        ? lines_.door
+                   : input == "laser_on" && laser_ != nullptr ? lines_.laser_on
+                                                            : -1;
+  if (line < 0) return InvalidArgument("lines: \"{}\" is no input that can be stuck", input);
+  MESORIG_ASSIGN_OR_RETURN(const bool level, Level(line, now));
+  if (stuck) {
+    stuck_.emplace(line, level);
+    return OkStatus();
+  }
+  const auto was = stuck_.find(line);
+  if (was == stuck_.end()) return OkStatus();
+  const bool changes = was->second != level;
+  stuck_.erase(was);
+  if (changes) SendEdge(line, level, out);
   return OkStatus();
 }
 
@@ -82,6 +105,7 @@ void DigitalLinesDevice::SetChainLine(int line, bool closed, RigTime now, sim_wi
 }
 
 void DigitalLinesDevice::SendEdge(int line, bool level, sim_wire::Outbox& out) {
+  if (stuck_.contains(line)) return;
   out.Send(sim_wire::Pack(
       sim_wire::LineEdge{static_cast<uint16_t>(line), static_cast<uint8_t>(level ? 1 : 0)}));
 }

@@ -28,6 +28,9 @@ class DigitalLinesDevice final : public sim_wire::SimDevice {
   Status Inject(RigTime now, std::string_view text, sim_wire::Outbox& out) override;
 
  private:
+  // What the wire really carries; NotFound: none of the inputs.
+  StatusOr<bool> Level(int line, RigTime now) const;
+  Status SetStuck(std::string_view input, bool stuck, RigTime now, sim_wire::Outbox& out);
   void SetChainLine(int line, bool closed, RigTime now, sim_wire::Outbox& out);
   void SendLaserEdge(RigTime now, sim_wire::Outbox& out);
   void SendEdge(int line, bool level, sim_wire::Outbox& out);
@@ -37,6 +40,7 @@ class DigitalLinesDevice final : public sim_wire::SimDevice {
   bool estop_closed_ = true, door_closed_ = true;
   bool trigger_ = false;     // the output's level
   bool laser_said_ = false;  // the last edge of laser_on
+  std::map<int, bool> stuck_;  // line to the level that it says
 };
 
 }  // namespace mesorig::simulator

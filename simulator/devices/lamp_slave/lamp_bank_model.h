@@ -1,8 +1,9 @@
 #pragma once
 // The lamps behind the bank, in virtual time: what was commanded, what shines. As a SimDevice it
 // has one event of its own, the communication-loss timeout. Called by the dispatcher only, or
-// inside SimServer::RunExclusive.
+// inside SimServer::RunExclusive. By the back-channel: dead LAMP, alive LAMP, exception [N], close.
 
+#include <functional>
 #include <span>
 #include <string>
 #include <vector>
@@ -25,6 +26,12 @@ class LampBankModel final : public sim_wire::SimDevice {
   bool Coil(int channel) const { return coils_[channel]; }
   uint16_t FluxPerMille(int channel, RigTime now) const;
   void RequestSeen(RigTime now) { deadline_ = now + timeout_; }
+  // Whether this request is to be refused.
+  bool TakeException() { return exceptions_ > 0 && exceptions_-- > 0; }
+  // Told when somebody at the bank closes its connections (a plug that stays in), and when its plug
+  // goes out or in.
+  void OnClose(std::function<void()> f) { on_close_ = std::move(f); }
+  void OnPlug(std::function<void(bool plugged)> f) { on_plug_ = std::move(f); }
 
   // The world's side, per Rig::lamps. from <= to: mean over an exposure.
   std::vector<double> MeanLevels(RigTime from, RigTime to) const;
@@ -36,14 +43,24 @@ class LampBankModel final : public sim_wire::SimDevice {
                               sim_wire::Outbox& out) override;
   RigTime NextEvent() const override { return deadline_; }
   void RunEvent(RigTime now, sim_wire::Outbox& out) override;
+  Status Inject(RigTime now, std::string_view text, sim_wire::Outbox& out) override;
+  void Plug(RigTime, bool plugged, sim_wire::Outbox&) override {
+    if (on_plug_) on_plug_(plugged);
+  }
 
  private:
+  Status SetDead(std::string_view lamp, bool dead, RigTime now);
   void AllOff(RigTime now);
   RigTime timeout_, deadline_ = kNever;
   bool power_ = true;
   std::vector<int> channel_of_lamp_;
   std::vector<bool> coils_;
   std::vector<plant::LampLevel> levels_;  // per lamp
+  std::vector<std::string> names_;        // likewise
+  std::vector<bool> dead_;                // likewise: the filament is broken
+  uint32_t exceptions_ = 0;
+  std::function<void()> on_close_;
+  std::function<void(bool)> on_plug_;
 };
 
 }  // namespace mesorig::simulator

@@ -75,12 +75,14 @@ class MemoryBrick final : public UsbPort {
       case 0x06: {
         EXPECT_EQ(telegram.size(), 3u);
         std::string reply = Bytes({2, 6, 0, telegram[2], 0, 0, 0, 0, running() ? 0x20 : 0});
-        reply += std::string(12, '\0');
         const auto rotation = static_cast<int32_t>(std::floor(position_deg()));
-        for (int i = 0; i < 4; ++i) reply.push_back(static_cast<char>(rotation >> (8 * i)));
+        for (const int32_t number : {0, rotation + tacho_zero_, 0, rotation}) {  // limit, tacho, block
+          for (int i = 0; i < 4; ++i) reply.push_back(static_cast<char>(number >> (8 * i)));
+        }
         return reply;
       }
       case 0x0A:
+        tacho_zero_ += static_cast<int32_t>(std::floor(position_deg()));
         at_ = 0;
         since_ = clock_.Now();
         return Bytes({2, 0x0A, 0});
@@ -95,6 +97,7 @@ class MemoryBrick final : public UsbPort {
   RigClock& clock_;
   std::function<void(RigTime, std::string)> handler_ = [](RigTime, std::string) {};
   double at_ = 0, speed_ = 0, limit_ = 0;
+  int32_t tacho_zero_ = 0;
   RigTime since_{};
 };
 

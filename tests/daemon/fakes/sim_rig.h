@@ -19,6 +19,7 @@
 #include "simulator/devices/camera/camera_device.h"
 #include "simulator/devices/cia402_node/can_bus.h"
 #include "simulator/devices/digital_lines/digital_lines.h"
+#include "simulator/devices/faults/faulty_device.h"
 #include "simulator/devices/lamp_slave/lamp_bank_model.h"
 #include "simulator/devices/lamp_slave/lamp_slave.h"
 
@@ -54,6 +55,9 @@ class MeddledCan final : public sim_wire::SimDevice {
   }
   RigTime NextEvent() const override { return bus_.NextEvent(); }
   void RunEvent(RigTime now, sim_wire::Outbox& out) override { bus_.RunEvent(now, out); }
+  Status Inject(RigTime now, std::string_view text, sim_wire::Outbox& out) override {
+    return bus_.Inject(now, text, out);
+  }
   const simulator::Cia402Node& node(size_t axis) const { return bus_.node(axis); }
 
  private:
@@ -119,7 +123,8 @@ class AngleSource final : public simulator::ImageSource {
 // The simulator's end.
 class SimRig {
  public:
-  explicit SimRig(const Rig& rig)
+  // script: faults at instants of virtual time.
+  explicit SimRig(const Rig& rig, std::vector<sim_wire::TimedInjection> script = {})
       : can(rig, contactor),
         lamps(rig, contactor),
         lines(rig.lines, contactor),
@@ -132,13 +137,15 @@ class SimRig {
       cameras_.push_back(
           std::make_unique<simulator::CameraDevice>(rig, static_cast<int>(i), source_));
     }
-    slave_ = simulator::LampSlave::Listen(lamps, rig.lamp_bank.unit).value();
     std::vector<sim_wire::SimDevice*> devices{&hand, &lines, &lamps, &can};
     for (const auto& camera : cameras_) devices.push_back(camera.get());
+    faulty_ = std::make_unique<simulator::FaultyDevices>(devices);
+    slave_ = simulator::LampSlave::Listen(lamps, rig.lamp_bank.unit, faulty_->Find("lamps")).value();
     sim_wire::SimServerOptions options;
+    options.script = std::move(script);
     options.welcome.modbus_endpoint = slave_->endpoint();
-    server_ = std::make_unique<sim_wire::SimServer>(sim_wire::Listen(dir_ / "s").value(), devices,
-                                                    options);
+    server_ = std::make_unique<sim_wire::SimServer>(sim_wire::Listen(dir_ / "s").value(),
+                                                    faulty_->All(), options);
     slave_->Start(*server_);
     thread_ = std::thread([this] { (void)server_->Run(); });
   }
@@ -151,6 +158,8 @@ class SimRig {
   std::string endpoint() const { return "unix:" + (dir_ / "s").string(); }
   // Looks at or changes the world at the present instant.
   void Exclusive(const std::function<void(RigTime)>& f) { server_->RunExclusive(f); }
+  // A fault now (simulator/devices/faults/fault_table.h), as from the back-channel.
+  Status Inject(const std::string& text) { return server_->InjectNow(text); }
 
   simulator::Contactor contactor;
   TimedHand hand;
@@ -161,6 +170,7 @@ class SimRig {
  private:
   AngleSource source_;
   std::vector<std::unique_ptr<simulator::CameraDevice>> cameras_;
+  std::unique_ptr<simulator::FaultyDevices> faulty_;
   std::unique_ptr<simulator::LampSlave> slave_;
   std::unique_ptr<sim_wire::SimServer> server_;
   std::filesystem::path dir_;
