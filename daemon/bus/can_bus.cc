@@ -36,13 +36,8 @@ void CanBus::Unsubscribe(uint16_t id) {
   clock_.Change([&] { handlers_.erase(id); });
 }
 
-void CanBus::SendHeartbeat() {
-  CanFrame frame{static_cast<uint16_t>(0x700 + options_.node_id), 1, {kOperational}};
-  const Status status = port_.Send(frame);
-  if (!status.ok() && !heartbeat_failed_) {
-    spdlog::error("CAN: heartbeat cannot be sent: {}", Message(status));
-  }
-  heartbeat_failed_ = !status.ok();
+Status CanBus::SendHeartbeat() {
+  return port_.Send({static_cast<uint16_t>(0x700 + options_.node_id), 1, {kOperational}});
 }
 
 void CanBus::Run() {
@@ -54,7 +49,11 @@ void CanBus::Run() {
     if (closing) return;
     const RigTime now = clock_.Now();
     if (now >= heartbeat_due) {
-      SendHeartbeat();
+      const Status status = SendHeartbeat();
+      if (!status.ok() && !heartbeat_failed_) {
+        spdlog::error("CAN: heartbeat cannot be sent: {}", Message(status));
+      }
+      heartbeat_failed_ = !status.ok();
       heartbeat_due = std::max(heartbeat_due + options_.heartbeat, now);
     }
     while (auto received = received_.Pop(now)) {

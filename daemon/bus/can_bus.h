@@ -26,6 +26,9 @@ class CanBus {
 
   // Frames of one instant reach the bus in order of sending: one rig thread drives one node.
   Status Send(const CanFrame& frame) { return port_.Send(frame); }
+  // The daemon's heartbeat, between those that the bus sends by itself: a consumer watches only from
+  // the first one on that it hears.
+  Status SendHeartbeat();
   // `handler` is called under the clock's lock (inside Change): it stores and returns. One handler
   // an identifier; it stays until Unsubscribe.
   void Subscribe(uint16_t id, Handler handler);
@@ -35,7 +38,6 @@ class CanBus {
 
  private:
   void Run();
-  void SendHeartbeat();
 
   RigClock& clock_;
   CanPort& port_;

@@ -92,6 +92,7 @@ AxisReading Cia402Axis::Read() const {
 Status Cia402Axis::Enable() {
   MESORIG_RETURN_IF_ERROR(StartNode());
   MESORIG_RETURN_IF_ERROR(WriteSettings());
+  MESORIG_RETURN_IF_ERROR(bus_.SendHeartbeat());  // from now on the drive watches us
   MESORIG_RETURN_IF_ERROR(ReachOperationEnabled());
   clock_.Change([&] {
     enabled_ = true;

@@ -189,6 +189,7 @@ class RigEnd {
     can = std::make_unique<CanBus>(*link, *can_port_, can_options);
     ModbusBusOptions modbus_options;
     modbus_options.unit = rig.lamp_bank.unit;
+    modbus_options.response_timeout = std::chrono::milliseconds(300);  // a lost answer costs that
     modbus_options.keep_alive = FromSeconds(rig.lamp_bank.timeout_s / 3);
     modbus = ModbusBus::Connect(*link, link->welcome().modbus_endpoint, modbus_options).value();
     context.clock = link.get();

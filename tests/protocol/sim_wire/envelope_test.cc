@@ -51,7 +51,20 @@ TEST(Payloads, RoundTrip) {
   EXPECT_EQ(read->pixels, frame.pixels);
   EXPECT_EQ(read->frame_id, 9u);
   frame.pixels.pop_back();
-  EXPECT_FALSE(UnpackCameraFrame(Pack(frame)).ok());
+  EXPECT_TRUE(absl::IsDataLoss(UnpackCameraFrame(Pack(frame)).status())) << "torn";
+  frame.pixels.resize(17);
+  EXPECT_TRUE(absl::IsInvalidArgument(UnpackCameraFrame(Pack(frame)).status()));
+  EXPECT_TRUE(UnpackCameraAccess(Pack(CameraAccess{CameraRegister::kDeviceTime_s, false, 0})).ok());
+}
+
+TEST(Payloads, DamagedFramesAreKnownByTheirChecksum) {
+  const std::string whole = Pack(CameraFrame{3, 9, RigTime(10), RigTime(20), 4, 2, 12,
+                                             std::string(16, 'p')});
+  for (size_t i = 0; i < whole.size(); ++i) {
+    std::string damaged = whole;
+    damaged[i] ^= 0x20;
+    EXPECT_FALSE(UnpackCameraFrame(damaged).ok()) << "byte " << i;
+  }
 }
 
 // Mutated and truncated bytes are refused or read as something valid; they never crash.
@@ -62,7 +75,8 @@ TEST(Payloads, SurviveMutation) {
   AppendMessage({MessageType::kWelcome, 0, 0, {}, Pack(welcome)}, stream);
   const std::vector<std::string> seeds = {
       Pack(welcome), Pack(CanFrame{1, 8, {}}), Pack(LineEdge{1, 1}), Pack(CameraTrigger{1}),
-      Pack(CameraFrame{1, 1, {}, {}, 2, 2, 8, "abcd"}), stream};
+      Pack(CameraFrame{1, 1, {}, {}, 2, 2, 8, "abcd"}), Pack(CameraFrame{1, 1, {}, {}, 2, 2, 8, "ab"}),
+      Pack(CameraAccess{CameraRegister::kDeviceTime_s, false, 1}), PackRegisterValue(3), stream};
   int refused = 0;
   for (int i = 0; i < 20000; ++i) {
     std::string bytes = seeds[random() % seeds.size()];
@@ -74,6 +88,8 @@ TEST(Payloads, SurviveMutation) {
     (void)UnpackCameraAccess(bytes).ok();
     (void)UnpackCameraTrigger(bytes).ok();
     (void)UnpackCameraFrame(bytes).ok();
+    (void)UnpackRegisterValue(bytes).ok();
+    (void)UnpackLineQuery(bytes).ok();
     MessageReader reader;
     (void)reader.Feed(bytes).ok();
     while (reader.Next()) {
