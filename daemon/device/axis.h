@@ -41,6 +41,9 @@ class Axis {
   // that does not follow, or comes to rest somewhere else (stuck, lost steps), is Unavailable; the
   // message has both angles. A loss of steps is mended by Enable after Disable, not by another move.
   virtual Status AwaitMove(RigTime deadline) = 0;
+  // OK while the axis stands where the last move (or homing) put it, with torque, by what the drive
+  // said last; else Unavailable as AwaitMove. For the instants around an exposure.
+  virtual Status CheckHolds() const { return {}; }
   // Commands the fastest permitted deceleration and returns without waiting. Callable at any time
   // from the owning thread, also while the StopFlag is raised.
   virtual Status QuickStop() = 0;

@@ -1,5 +1,6 @@
 #include "protocol/sim_wire/sim_link.h"
 
+#include <poll.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -15,10 +16,16 @@ constexpr int kSendTimeoutMs = 10000;
 constexpr auto kPaceStep = std::chrono::milliseconds(5);
 
 // Reads from a fresh connection until its first message.
-StatusOr<Envelope> ReadFirst(int fd, MessageReader& reader) {
+StatusOr<Envelope> ReadFirst(int fd, MessageReader& reader, std::chrono::milliseconds limit) {
+  const auto deadline = HostClock::now() + limit;
   char buffer[4096];
   for (;;) {
     if (auto message = reader.Next()) return *message;
+    pollfd readable{fd, POLLIN, 0};
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - HostClock::now());
+    if (left.count() <= 0 || ::poll(&readable, 1, static_cast<int>(left.count())) == 0) {
+      return DeadlineExceeded("the simulator says nothing within {} ms", limit.count());
+    }
     MESORIG_ASSIGN_OR_RETURN(const size_t size, ReceiveSome(fd, buffer, sizeof(buffer)));
     if (size == 0) return Unavailable("the simulator closed the connection");
     MESORIG_RETURN_IF_ERROR(reader.Feed({buffer, size}));
@@ -40,8 +47,8 @@ StatusOr<std::unique_ptr<SimLink>> SimLink::Connect(std::string_view endpoint,
                 hello);
   MESORIG_RETURN_IF_ERROR(SendAll(fd.get(), hello, kSendTimeoutMs));
   MessageReader reader;
-  MESORIG_ASSIGN_OR_RETURN(const Envelope first, ReadFirst(fd.get(), reader));
-  if (first.type == MessageType::kReply) {
+  MESORIG_ASSIGN_OR_RETURN(const Envelope first, ReadFirst(fd.get(), reader, options.query_timeout));
+  if (first.type == MessageType::kReply && !first.payload.empty()) {
     return FailedPrecondition("{}", std::string_view(first.payload).substr(1));
   }
   MESORIG_ASSIGN_OR_RETURN(Welcome welcome, UnpackWelcome(first.payload));

@@ -283,6 +283,10 @@ Status Cia402Axis::AwaitMove(RigTime deadline) {
                             Seconds(clock_.Now()), Angles(now_seen.position));
   }
   MESORIG_RETURN_IF_ERROR(waited);
+  return CheckPosition(now_seen);
+}
+
+Status Cia402Axis::CheckPosition(const Seen& now_seen) const {
   if ((now_seen.statusword & kFollowingError) != 0) {
     return Unavailable("{}: following error (stuck, or steps were lost): {}", device_,
                        Angles(now_seen.position));
@@ -293,6 +297,17 @@ Status Cia402Axis::AwaitMove(RigTime deadline) {
                        Angles(now_seen.position));
   }
   return OkStatus();
+}
+
+Status Cia402Axis::CheckHolds() const {
+  const AxisReading reading = Read();
+  if (!reading.enabled || !reading.referenced || reading.moving) {
+    return Unavailable("{}: does not hold its place ({})", device_,
+                       !reading.enabled      ? fmt::format("the drive is in \"{}\"", Text(state()))
+                       : !reading.referenced ? "not referenced"
+                                             : "it moves");
+  }
+  return CheckPosition(seen());
 }
 
 Status Cia402Axis::StartHoming() {

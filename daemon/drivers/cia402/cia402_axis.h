@@ -40,6 +40,7 @@ class Cia402Axis final : public Axis {
   Status AwaitHoming(RigTime deadline) override;
   Status StartMove(double target_rad) override;
   Status AwaitMove(RigTime deadline) override;
+  Status CheckHolds() const override;
   Status QuickStop() override;
   AxisReading Read() const override;
 
@@ -75,6 +76,7 @@ class Cia402Axis final : public Axis {
   Status WhyNotRunning();
   // One try of Disable.
   Status SwitchTorqueOff();
+  Status CheckPosition(const Seen& now_seen) const;  // against the target
   std::string Angles(int32_t position) const;  // "commanded 30 deg, stands at 12 deg"
   Status CheckReady(bool needs_reference) const;
 

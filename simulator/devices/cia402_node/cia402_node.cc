@@ -301,7 +301,7 @@ void Cia402Node::SetStuck(bool stuck, RigTime now) {
 void Cia402Node::LoseSteps(double counts, RigTime now) {
   if (homing_ || stuck_at_) return;
   lost_ += std::round(counts);
-  SendStatusIfChanged(now);
+  SendStatus(now);
 }
 
 void Cia402Node::SetPower(bool on, RigTime now) {

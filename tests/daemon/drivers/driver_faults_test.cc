@@ -243,6 +243,18 @@ TEST_F(AxisFaultsTest, LostStepsAreToldWithBothAngles) {
   EXPECT_NEAR(WorldDeg(), 30, 0.01);
 }
 
+TEST_F(AxisFaultsTest, AxisThatIsKnockedAsideDoesNotHold) {
+  EXPECT_FALSE(axis_->CheckHolds().ok()) << "not enabled";
+  Ready();
+  ASSERT_EQ(Move(30), OkStatus());
+  EXPECT_EQ(axis_->CheckHolds(), OkStatus());
+  Inject("can turntable lose -0.5");
+  Sleep(milliseconds(1));
+  const Status status = axis_->CheckHolds();
+  EXPECT_TRUE(absl::IsUnavailable(status));
+  EXPECT_THAT(Text(status), HasSubstr("commanded 30.0000 deg, it stands at 30.5000 deg"));
+}
+
 TEST_F(AxisFaultsTest, StuckAxisIsAFollowingError) {
   Ready();
   Inject("can turntable stuck");

@@ -14,6 +14,7 @@
 
 #include "daemon/bus/sim_can_port.h"
 #include "daemon/bus/sim_line_port.h"
+#include "daemon/bus/sim_usb_port.h"
 #include "daemon/drivers/driver.h"
 #include "protocol/sim_wire/sim_link.h"
 #include "simulator/devices/camera/camera_device.h"
@@ -22,6 +23,8 @@
 #include "simulator/devices/faults/faulty_device.h"
 #include "simulator/devices/lamp_slave/lamp_bank_model.h"
 #include "simulator/devices/lamp_slave/lamp_slave.h"
+#include "simulator/devices/laser_unit/laser_unit.h"
+#include "simulator/devices/nxt_brick/nxt_brick.h"
 
 namespace mesorig::daemon {
 
@@ -91,8 +94,10 @@ class TimedHand final : public sim_wire::SimDevice {
 // Light that depends on where the axes stand and what shines.
 class AngleSource final : public simulator::ImageSource {
  public:
-  AngleSource(const Rig& rig, const MeddledCan& can, const simulator::LampBankModel& lamps)
-      : rig_(rig), can_(can), lamps_(lamps) {}
+  // laser: null in a rig without one.
+  AngleSource(const Rig& rig, const MeddledCan& can, const simulator::LampBankModel& lamps,
+              const simulator::LaserUnit* laser)
+      : rig_(rig), can_(can), lamps_(lamps), laser_(laser) {}
   Scene Observe(RigTime from, RigTime to) override {
     Scene scene;
     for (size_t i = 0; i < rig_.axes.size(); ++i) {
@@ -103,12 +108,17 @@ class AngleSource final : public simulator::ImageSource {
     scene.lamp_level = lamps_.MeanLevels(from, to);
     scene.key.lamp_levels = lamps_.CommandedLevels();
     scene.key.seed = 7;
+    if (laser_ != nullptr) {
+      scene.laser_mount = laser_->mount();
+      scene.key.laser_level = scene.laser_level = laser_->MeanLevel(from, to);
+    }
     return scene;
   }
   StatusOr<std::vector<float>> ExpectedElectrons(int, const Scene& scene,
                                                  double exposure_s) override {
     double light = 0;
     for (const double level : scene.lamp_level) light += level;
+    light += 0.3 * scene.laser_level * (1 + scene.laser_mount);
     const double electrons = exposure_s * 1e5 * light * (2 + std::sin(scene.axis_rad[0]));
     return std::vector<float>(static_cast<size_t>(scene.region.width) * scene.region.height,
                               static_cast<float>(electrons));
@@ -118,6 +128,7 @@ class AngleSource final : public simulator::ImageSource {
   const Rig& rig_;
   const MeddledCan& can_;
   const simulator::LampBankModel& lamps_;
+  const simulator::LaserUnit* const laser_;
 };
 
 // The simulator's end.
@@ -127,8 +138,9 @@ class SimRig {
   explicit SimRig(const Rig& rig, std::vector<sim_wire::TimedInjection> script = {})
       : can(rig, contactor),
         lamps(rig, contactor),
-        lines(rig.lines, contactor),
-        source_(rig, can, lamps) {
+        laser(rig.laser ? std::make_unique<simulator::LaserUnit>(rig, 7, contactor) : nullptr),
+        lines(rig.lines, contactor, laser.get()),
+        source_(rig, can, lamps, laser.get()) {
     static std::atomic<int> count{0};
     dir_ = std::filesystem::temp_directory_path() /
            fmt::format("mesorig-sim-rig-{}-{}", ::getpid(), count++);
@@ -139,6 +151,10 @@ class SimRig {
     }
     std::vector<sim_wire::SimDevice*> devices{&hand, &lines, &lamps, &can};
     for (const auto& camera : cameras_) devices.push_back(camera.get());
+    if (laser) {
+      brick_ = std::make_unique<simulator::NxtBrick>(rig, *laser);
+      devices.push_back(brick_.get());
+    }
     faulty_ = std::make_unique<simulator::FaultyDevices>(devices);
     slave_ = simulator::LampSlave::Listen(lamps, rig.lamp_bank.unit, faulty_->Find("lamps")).value();
     sim_wire::SimServerOptions options;
@@ -165,9 +181,11 @@ class SimRig {
   TimedHand hand;
   MeddledCan can;
   simulator::LampBankModel lamps;
+  std::unique_ptr<simulator::LaserUnit> laser;  // in a rig with one
   simulator::DigitalLinesDevice lines;
 
  private:
+  std::unique_ptr<simulator::NxtBrick> brick_;  // likewise
   AngleSource source_;
   std::vector<std::unique_ptr<simulator::CameraDevice>> cameras_;
   std::unique_ptr<simulator::FaultyDevices> faulty_;
@@ -199,6 +217,10 @@ class RigEnd {
     context.modbus = modbus.get();
     context.lines = line_port_.get();
     context.simulator = link.get();
+    if (rig.laser) {
+      usb_port_ = SimUsbPort::Open(*link).value();
+      context.usb = usb_port_.get();
+    }
   }
 
   std::unique_ptr<sim_wire::SimLink> link;
@@ -207,6 +229,7 @@ class RigEnd {
  private:
   std::unique_ptr<SimCanPort> can_port_;
   std::unique_ptr<SimLinePort> line_port_;
+  std::unique_ptr<SimUsbPort> usb_port_;
 
  public:
   std::unique_ptr<CanBus> can;
