@@ -8,9 +8,11 @@ namespace mesorig::daemon {
 
 GroupCommitter::GroupCommitter(std::unique_ptr<Ledger> ledger, SegmentWriters segments,
                                size_t max_queued_bytes,
-                               std::function<void(const std::vector<FrameRecord>&)> on_commit)
+                               std::function<void(const std::vector<FrameRecord>&)> on_commit,
+                               std::function<void(const Status&)> on_storage)
     : max_queued_bytes_(max_queued_bytes),
       on_commit_(std::move(on_commit)),
+      on_storage_(std::move(on_storage)),
       ledger_(std::move(ledger)),
       segments_(std::move(segments)) {
   thread_ = std::thread([this] { Loop(); });
@@ -24,12 +26,30 @@ Status GroupCommitter::Append(FrameRecord record, std::shared_ptr<const std::str
   MutexLock lock(mutex_);
   const size_t bytes = pixels->size();
   // (A single frame larger than the limit must pass.)
-  while (error_.ok() && queued_bytes_ > 0 && queued_bytes_ + bytes > max_queued_bytes_) {
-    changed_.Wait(mutex_);
-  }
+  const auto is_full = [&]() REQUIRES(mutex_) {
+    return error_.ok() && queued_bytes_ > 0 && queued_bytes_ + bytes > max_queued_bytes_;
+  };
+  ++blocked_;
+  if (is_full()) changed_.NotifyAll();
+  while (is_full() && trouble_.ok()) changed_.Wait(mutex_);
+  --blocked_;
   MESORIG_RETURN_IF_ERROR(error_);
-  queue_.push_back({std::move(record), std::move(pixels)});
+  if (is_full()) {
+    return absl::ResourceExhaustedError(fmt::format(
+        "{}; no more than {} are kept: shot {} of camera {} is not", Message(StorageLocked()),
+        max_queued_bytes_, record.shot, record.camera));
+  }
+  queue_.push_back({std::move(record), std::move(pixels), {}});
   queued_bytes_ += bytes;
+  ++appended_;
+  changed_.NotifyAll();
+  return OkStatus();
+}
+
+Status GroupCommitter::Record(JournalEntry entry) {
+  MutexLock lock(mutex_);
+  MESORIG_RETURN_IF_ERROR(error_);
+  queue_.push_back({{}, nullptr, std::move(entry)});
   ++appended_;
   changed_.NotifyAll();
   return OkStatus();
@@ -37,11 +57,19 @@ Status GroupCommitter::Append(FrameRecord record, std::shared_ptr<const std::str
 
 Status GroupCommitter::Flush() {
   MutexLock lock(mutex_);
-  flush_ = true;
+  const uint64_t upto = appended_;
+  // (An attempt that is under way may have begun before what is flushed.)
+  const uint64_t enough = failures_ + (trying_ ? 2 : 1);
+  ++flushing_;
+  retry_now_ = true;
   changed_.NotifyAll();
-  while (error_.ok() && durable_ < appended_) changed_.Wait(mutex_);
-  flush_ = false;
-  return error_;
+  while (error_.ok() && durable_ < upto && failures_ < enough) {
+    retry_now_ = true;
+    changed_.Wait(mutex_);
+  }
+  --flushing_;
+  MESORIG_RETURN_IF_ERROR(error_);
+  return durable_ < upto ? StorageLocked() : OkStatus();
 }
 
 Status GroupCommitter::Close() {
@@ -52,85 +80,144 @@ Status GroupCommitter::Close() {
   }
   if (thread_.joinable()) thread_.join();
   MutexLock lock(mutex_);
-  return error_;
+  return error_.ok() ? StorageLocked() : error_;
+}
+
+Status GroupCommitter::Storage() const {
+  MutexLock lock(mutex_);
+  return error_.ok() ? StorageLocked() : error_;
+}
+
+Status GroupCommitter::StorageLocked() const {
+  if (trouble_.ok()) return OkStatus();
+  return Status(trouble_.code(),
+                fmt::format("{}; {} bytes wait in memory", Message(trouble_), queued_bytes_));
 }
 
 void GroupCommitter::Loop() {
   ::pthread_setname_np(::pthread_self(), "segments");
-  Queued next;
-  bool has_next = false;
-  while (Wait(next, has_next)) {
-    Status status = has_next ? Write(next) : OkStatus();
-    next = {};
-    if (status.ok() && CommitIsDue()) status = CommitGroup();
-    if (!status.ok()) {
-      Fail(status);
-      return;
-    }
+  while (Wait()) {
+    if (!Report(Advance())) return;
   }
 }
 
-bool GroupCommitter::Wait(Queued& next, bool& has_next) {
-  MutexLock lock(mutex_);
-  while (queue_.empty() && !flush_ && !closing_) {
-    if (group_.empty()) {
+bool GroupCommitter::WaitForRetry() {
+  const auto retry_at = HostClock::now() + kRetryInterval;
+  while (!retry_now_ && !closing_) {
+    const auto left = retry_at - HostClock::now();
+    if (left <= left.zero() || !changed_.WaitFor(mutex_, left)) break;
+  }
+  return true;
+}
+
+bool GroupCommitter::WaitForWork() {
+  while (queue_.empty()) {
+    const bool asked = flushing_ > 0 || blocked_ > 0 || closing_;
+    if (GroupIsEmpty()) {
+      if (closing_) return false;
       changed_.Wait(mutex_);
       continue;
     }
     const auto left = group_began_ + kCommitInterval - HostClock::now();
-    if (left <= left.zero() || !changed_.WaitFor(mutex_, left)) break;
+    if (asked || left <= left.zero() || !changed_.WaitFor(mutex_, left)) return true;
   }
-  // A flush with nothing left to do waits here for the next change.
-  while (queue_.empty() && group_.empty() && !closing_) changed_.Wait(mutex_);
-  has_next = !queue_.empty();
-  if (has_next) {
-    next = std::move(queue_.front());
-    queue_.pop_front();
+  Queued next = std::move(queue_.front());
+  queue_.pop_front();
+  if (GroupIsEmpty()) group_began_ = HostClock::now();
+  if (next.pixels == nullptr) {
+    entries_.push_back(std::move(next.entry));
+  } else {
+    group_bytes_ += next.pixels->size();
+    rows_.push_back(std::move(next.record));
+    pixels_.push_back(std::move(next.pixels));
   }
-  return has_next || !group_.empty();
+  return true;
 }
 
-Status GroupCommitter::Write(Queued& queued) {
-  FrameRecord& record = queued.record;
-  record.digest = FrameDigest(*queued.pixels);
-  record.bytes = queued.pixels->size();
-  MESORIG_ASSIGN_OR_RETURN(record.offset, segments_.Append(record, *queued.pixels));
-  if (group_.empty()) group_began_ = HostClock::now();
-  group_bytes_ += record.bytes;
-  group_.push_back(std::move(record));
+bool GroupCommitter::Wait() {
   MutexLock lock(mutex_);
-  queued_bytes_ -= queued.pixels->size();
-  changed_.NotifyAll();
+  const bool goes_on = trouble_.ok() ? WaitForWork() : WaitForRetry();
+  retry_now_ = false;
+  trying_ = goes_on;
+  return goes_on;
+}
+
+Status GroupCommitter::Advance() {
+  MESORIG_RETURN_IF_ERROR(Write());
+  return CommitIsDue() ? CommitGroup() : OkStatus();
+}
+
+Status GroupCommitter::Write() {
+  for (; written_ < rows_.size(); ++written_) {
+    FrameRecord& row = rows_[written_];
+    const std::string& pixels = *pixels_[written_];
+    if (row.digest.empty()) row.digest = FrameDigest(pixels);
+    row.bytes = pixels.size();
+    MESORIG_ASSIGN_OR_RETURN(row.offset, segments_.Append(row, pixels));
+  }
   return OkStatus();
 }
 
 bool GroupCommitter::CommitIsDue() {
-  if (group_.empty()) return false;
+  if (GroupIsEmpty()) return false;
   if (group_bytes_ >= kCommitBytes || HostClock::now() - group_began_ >= kCommitInterval) {
     return true;
   }
   MutexLock lock(mutex_);
-  return queue_.empty() && (flush_ || closing_);
+  return !trouble_.ok() ||
+         (queue_.empty() && (flushing_ > 0 || blocked_ > 0 || closing_));
 }
 
 Status GroupCommitter::CommitGroup() {
-  MESORIG_RETURN_IF_ERROR(segments_.Sync());
-  MESORIG_RETURN_IF_ERROR(ledger_->Commit(group_));
-  on_commit_(group_);
+  if (!is_synced_) {
+    const Status status = segments_.Sync();
+    if (!status.ok()) {
+      // What the disk has of the group is unknown: all of it is written again, to the same places.
+      segments_.Rewind();
+      written_ = 0;
+      return status;
+    }
+    is_synced_ = true;
+  }
+  MESORIG_RETURN_IF_ERROR(ledger_->Commit(rows_, entries_));
+  if (!rows_.empty()) on_commit_(rows_);
   MutexLock lock(mutex_);
-  durable_ += group_.size();
-  group_.clear();
-  group_bytes_ = 0;
+  durable_ += rows_.size() + entries_.size();
+  queued_bytes_ -= group_bytes_;
+  rows_.clear();
+  pixels_.clear();
+  entries_.clear();
+  written_ = group_bytes_ = 0;
+  is_synced_ = false;
   changed_.NotifyAll();
   return OkStatus();
 }
 
-void GroupCommitter::Fail(const Status& error) {
-  MutexLock lock(mutex_);
-  error_ = error;
-  queue_.clear();  // never acknowledged
-  queued_bytes_ = 0;
-  changed_.NotifyAll();
+bool GroupCommitter::Report(const Status& status) {
+  Status told;
+  bool is_news = false, goes_on = true;
+  {
+    MutexLock lock(mutex_);
+    trying_ = false;
+    if (status.ok()) {
+      is_news = !trouble_.ok();
+      trouble_ = OkStatus();
+    } else if (absl::IsUnavailable(status)) {
+      ++failures_;
+      is_news = trouble_ != status;
+      trouble_ = status;
+      told = StorageLocked();
+      goes_on = !closing_;
+    } else {
+      error_ = status;
+      queue_.clear();  // never acknowledged
+      queued_bytes_ = 0;
+      goes_on = false;
+    }
+    changed_.NotifyAll();
+  }
+  if (is_news && on_storage_) on_storage_(told);
+  return goes_on;
 }
 
 }  // namespace mesorig::daemon

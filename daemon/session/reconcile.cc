@@ -63,7 +63,8 @@ class Reconciler {
                     fmt::format("{} supersedes {}, there is {}", Name(r), r.supersedes, live));
     }
     live = r.sequence;
-    const auto [owner, is_new] = shot_of_trigger_.try_emplace(r.trigger_id, r.shot);
+    const uint64_t trigger = (uint64_t{r.run} << 32) | r.trigger_id;
+    const auto [owner, is_new] = shot_of_trigger_.try_emplace(trigger, r.shot);
     if (!is_new && owner->second != r.shot) {
       findings_.Add("triggers of two shots", fmt::format("trigger {}", r.trigger_id));
     }
@@ -134,7 +135,7 @@ class Reconciler {
   std::vector<const Step*> step_of_shot_;    // null: planned by none
   std::vector<std::vector<uint64_t>> live_;  // camera, shot: sequence number, 0: none
   std::vector<uint64_t> last_;               // camera
-  std::unordered_map<uint32_t, uint32_t> shot_of_trigger_;
+  std::unordered_map<uint64_t, uint32_t> shot_of_trigger_;  // run << 32 | trigger
   Findings findings_;
 };
 

@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 
@@ -73,41 +74,64 @@ UniqueFd::~UniqueFd() {
   if (fd_ >= 0) ::close(fd_);
 }
 
-StatusOr<SegmentWriter> SegmentWriter::Create(const std::filesystem::path& path, int camera,
-                                              std::string_view camera_name) {
-  UniqueFd fd(::open(path.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, 0644));
-  if (fd.get() < 0) {
-    return Unavailable("{}: cannot be created: {}", path.string(), strerror(errno));
-  }
-  SegmentWriter writer(path, std::move(fd), 0);
-  const std::string header = FileHeader(camera, camera_name);
-  MESORIG_RETURN_IF_ERROR(writer.Write(header, 0));
-  writer.end_ = header.size();
-  return writer;
-}
-
-StatusOr<SegmentWriter> SegmentWriter::OpenAtEnd(const std::filesystem::path& path) {
+StatusOr<SegmentWriter> SegmentWriter::Open(const std::filesystem::path& path, int camera,
+                                            std::string_view camera_name, uint64_t end,
+                                            DiskFaults* faults) {
   UniqueFd fd(::open(path.c_str(), O_RDWR | O_CLOEXEC));
+  const bool is_new = fd.get() < 0 && errno == ENOENT;
+  if (is_new) {
+    int error = AskDisk(faults, DiskOperation::kCreate, path);
+    if (error == 0) {
+      fd = UniqueFd(::open(path.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, 0644));
+      error = errno;
+    }
+    if (fd.get() < 0) return Unavailable("{}: cannot be created: {}", path.string(), strerror(error));
+  }
   struct stat info {};
   if (fd.get() < 0 || ::fstat(fd.get(), &info) != 0) {
     return Unavailable("{}: cannot be opened for writing: {}", path.string(), strerror(errno));
   }
-  return SegmentWriter(path, std::move(fd), static_cast<uint64_t>(info.st_size));
+  SegmentWriter writer(path, std::move(fd), is_new, faults);
+  const std::string header = FileHeader(camera, camera_name);
+  const auto size = static_cast<uint64_t>(info.st_size);
+  writer.end_ = std::max<uint64_t>(end, header.size());
+  if (size > writer.end_) MESORIG_RETURN_IF_ERROR(writer.CutAt(writer.end_));
+  // (The header of a file with records is left as it is: the ledger knows where they are.)
+  if (size < header.size() || (end == 0 && size > header.size())) {
+    MESORIG_RETURN_IF_ERROR(writer.Write(header, 0));
+  }
+  return writer;
+}
+
+Status SegmentWriter::CutAt(uint64_t end) {
+  int error = AskDisk(faults_, DiskOperation::kTruncate, path_, end);
+  if (error == 0 && ::ftruncate(fd_.get(), static_cast<off_t>(end)) != 0) error = errno;
+  if (error == 0) return OkStatus();
+  return Unavailable("{}: cutting it at {} bytes: {}", path_.string(), end, strerror(error));
 }
 
 Status SegmentWriter::Write(std::string_view bytes, uint64_t offset) {
+  const std::string_view all = bytes;
+  uint64_t torn = 0;
+  const int refused = faults_ == nullptr ? 0
+                                         : faults_->Before({DiskOperation::kWrite, path_, offset,
+                                                            bytes.size()},
+                                                           &torn);
+  if (refused != 0) bytes = bytes.substr(0, torn);
   size_t done = 0;
   while (done < bytes.size()) {
     const ssize_t n = ::pwrite(fd_.get(), bytes.data() + done, bytes.size() - done,
                                static_cast<off_t>(offset + done));
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) {
-      return Unavailable("{}: writing {} bytes at {}: {}", path_.string(), bytes.size(), offset,
+      return Unavailable("{}: writing {} bytes at {}: {}", path_.string(), all.size(), offset,
                          n < 0 ? strerror(errno) : "nothing was written");
     }
     done += static_cast<size_t>(n);
   }
-  return OkStatus();
+  if (refused == 0) return OkStatus();
+  return Unavailable("{}: writing {} bytes at {}: {}", path_.string(), all.size(), offset,
+                     strerror(refused));
 }
 
 StatusOr<uint64_t> SegmentWriter::Append(uint64_t sequence, uint32_t shot, std::string_view digest,
@@ -121,8 +145,36 @@ StatusOr<uint64_t> SegmentWriter::Append(uint64_t sequence, uint32_t shot, std::
 }
 
 Status SegmentWriter::Sync() {
-  if (::fdatasync(fd_.get()) != 0) {
-    return Unavailable("{}: fdatasync of {} bytes: {}", path_.string(), end_, strerror(errno));
+  int error = AskDisk(faults_, DiskOperation::kSync, path_);
+  if (error == 0 && ::fdatasync(fd_.get()) != 0) error = errno;
+  if (error != 0) {
+    return Unavailable("{}: fdatasync of {} bytes: {}", path_.string(), end_, strerror(error));
+  }
+  return OkStatus();
+}
+
+Status CheckSegmentHeader(std::string_view start) {
+  ByteReader in(start);
+  const std::string_view magic = in.GetRaw(kFileMagic.size());
+  const auto version = in.Get<uint32_t>(), size = in.Get<uint32_t>();
+  if (!in.ok() || magic != kFileMagic || size > start.size() ||
+      !CheckHolds(start.substr(0, size))) {
+    return DataLoss("the segment's header is damaged");
+  }
+  if (version > kSegmentVersion) {
+    return FailedPrecondition("segment version {}, this program reads up to {}", version,
+                              kSegmentVersion);
+  }
+  return OkStatus();
+}
+
+Status CheckRecordHeader(std::string_view bytes, const FrameRecord& record) {
+  const std::string_view header = bytes.substr(0, kRecordHeaderBytes);
+  if (header.size() != kRecordHeaderBytes || !CheckHolds(header)) {
+    return DataLoss("record header is damaged");
+  }
+  if (header != RecordHeader(record.sequence, record.shot, record.digest, record.bytes)) {
+    return DataLoss("record header is another frame's");
   }
   return OkStatus();
 }
@@ -133,15 +185,8 @@ StatusOr<SegmentReader> SegmentReader::Open(const std::filesystem::path& path) {
   std::string start(kMaxFileHeader, '\0');
   MESORIG_ASSIGN_OR_RETURN(const size_t got, ReadAt(fd.get(), path, 0, start));
   start.resize(got);
-  ByteReader in(start);
-  const std::string_view magic = in.GetRaw(kFileMagic.size());
-  const auto version = in.Get<uint32_t>(), size = in.Get<uint32_t>();
-  const bool whole = in.ok() && magic == kFileMagic && size <= start.size() &&
-                     CheckHolds(std::string_view(start).substr(0, size));
-  if (whole && version > kSegmentVersion) {
-    return FailedPrecondition("{}: segment version {}, this program reads up to {}", path.string(),
-                              version, kSegmentVersion);
-  }
+  const Status status = CheckSegmentHeader(start);
+  if (absl::IsFailedPrecondition(status)) return Annotate(status, path.string());
   return SegmentReader(path, std::move(fd));
 }
 
@@ -162,10 +207,9 @@ StatusOr<std::shared_ptr<const std::string>> SegmentReader::Read(const FrameReco
   }
   std::string header(kRecordHeaderBytes, '\0');
   MESORIG_ASSIGN_OR_RETURN(size_t got, ReadAt(fd_.get(), path_, record.offset, header));
-  if (got != header.size() || !CheckHolds(header)) return damaged("record header is damaged");
-  if (header != RecordHeader(record.sequence, record.shot, record.digest, record.bytes)) {
-    return damaged("record header is another frame's");
-  }
+  header.resize(got);
+  const Status whole = CheckRecordHeader(header, record);
+  if (!whole.ok()) return damaged(Message(whole));
   auto pixels = std::make_shared<std::string>(record.bytes, '\0');
   MESORIG_ASSIGN_OR_RETURN(got,
                            ReadAt(fd_.get(), path_, record.offset + kRecordHeaderBytes, *pixels));

@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "daemon/session/session.h"
+#include "protocol/base/disk_faults.h"
 #include "protocol/base/status.h"
 
 namespace mesorig::daemon {
@@ -31,30 +32,47 @@ inline constexpr uint32_t kSegmentVersion = 1;
 inline constexpr size_t kRecordHeaderBytes = 72;
 inline constexpr size_t kMaxFrameBytes = size_t{1} << 30;
 
-// Owned and called by one thread (the session's writer).
+// Owned and called by one thread (the session's writer). Unavailable names the file, the operation
+// and why; what failed may be tried again.
 class SegmentWriter {
  public:
-  // A new file with its header, not yet synced. Unavailable names the file and what failed.
-  static StatusOr<SegmentWriter> Create(const std::filesystem::path& path, int camera,
-                                        std::string_view camera_name);
-  // Goes on at the end of a file that Create wrote.
-  static StatusOr<SegmentWriter> OpenAtEnd(const std::filesystem::path& path);
+  // Opens the file to go on at `end`, where the last record that counts ends; 0: none does. Creates
+  // it when it is not there, writes its header when it has none, cuts off what lies beyond the end.
+  // Nothing of it is synced yet. `faults`: may be null; borrowed.
+  static StatusOr<SegmentWriter> Open(const std::filesystem::path& path, int camera,
+                                      std::string_view camera_name, uint64_t end,
+                                      DiskFaults* faults = nullptr);
   // Writes record header and pixels; returns the record's offset. After an error the file may end
-  // in a torn record: the writer is then of no further use.
+  // in a torn record, which the next one overwrites.
   StatusOr<uint64_t> Append(uint64_t sequence, uint32_t shot, std::string_view digest,
                             std::string_view pixels);
-  // fdatasync.
+  // fdatasync. After an error nobody knows what is on the disk: everything since the last sync must
+  // be written again.
   Status Sync();
+  uint64_t end() const { return end_; }
+  // The next record goes there.
+  void Rewind(uint64_t end) { end_ = end; }
+  // Open created it: its folder must be synced too.
+  bool is_new() const { return is_new_; }
 
  private:
-  SegmentWriter(std::filesystem::path path, UniqueFd fd, uint64_t end)
-      : path_(std::move(path)), fd_(std::move(fd)), end_(end) {}
+  SegmentWriter(std::filesystem::path path, UniqueFd fd, bool is_new, DiskFaults* faults)
+      : path_(std::move(path)), fd_(std::move(fd)), is_new_(is_new), faults_(faults) {}
   Status Write(std::string_view bytes, uint64_t offset);
+  Status CutAt(uint64_t end);
 
   std::filesystem::path path_;
   UniqueFd fd_;
+  bool is_new_;
+  DiskFaults* faults_;
   uint64_t end_ = 0;
 };
+
+// Bytes from the outside, without a file. Of a file header (the first kilobytes of a segment):
+// FailedPrecondition for the format of a newer program, DataLoss for a damaged one.
+Status CheckSegmentHeader(std::string_view start);
+// The record header at the beginning of `bytes` is this row's; DataLoss tells what is not.
+Status CheckRecordHeader(std::string_view bytes, const FrameRecord& record);
 
 // Any thread; immutable after Open.
 class SegmentReader {

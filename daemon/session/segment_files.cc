@@ -6,8 +6,9 @@ namespace mesorig::daemon {
 
 StatusOr<SegmentWriters> SegmentWriters::Open(const SessionFolder& folder,
                                               std::vector<std::string> cameras,
-                                              const PlannedSweeps& sweeps) {
-  SegmentWriters writers(folder, std::move(cameras), sweeps);
+                                              const PlannedSweeps& sweeps, SegmentEnds ends,
+                                              DiskFaults* faults) {
+  SegmentWriters writers(folder, std::move(cameras), sweeps, std::move(ends), faults);
   for (size_t i = 0; i < writers.cameras_.size(); ++i) {
     MESORIG_RETURN_IF_ERROR(writers.Get({static_cast<int>(i), 0}).status());
   }
@@ -18,13 +19,15 @@ StatusOr<SegmentWriters::File*> SegmentWriters::Get(const Key& key) {
   const auto found = files_.find(key);
   if (found != files_.end()) return &found->second;
   const std::string& camera = cameras_[static_cast<size_t>(key.first)];
-  const std::filesystem::path path = folder_.segment(camera, key.second);
-  std::error_code error;
-  const bool exists = key.second == 0 || std::filesystem::exists(path, error);
-  MESORIG_ASSIGN_OR_RETURN(
-      SegmentWriter writer,
-      exists ? SegmentWriter::OpenAtEnd(path) : SegmentWriter::Create(path, key.first, camera));
-  has_new_files_ = has_new_files_ || !exists;
+  const auto end = ends_.find(key);
+  MESORIG_ASSIGN_OR_RETURN(SegmentWriter writer,
+                           SegmentWriter::Open(folder_.segment(camera, key.second), key.first,
+                                               camera, end == ends_.end() ? 0 : end->second,
+                                               faults_));
+  // (An earlier attempt may have created it and failed at its header.)
+  const bool sync_folder = writer.is_new() || end == ends_.end();
+  (key.second == 0 ? has_new_main_ : has_new_sweep_) |= sync_folder;
+  ends_[key] = writer.end();
   return &files_.emplace(key, File{std::move(writer)}).first->second;
 }
 
@@ -49,15 +52,29 @@ Status SegmentWriters::Sync() {
     if (file.is_dirty) MESORIG_RETURN_IF_ERROR(file.writer.Sync());
     file.is_dirty = false;
   }
-  if (has_new_files_) MESORIG_RETURN_IF_ERROR(SyncFolder(folder_.sweeps()));
-  has_new_files_ = false;
+  if (has_new_main_) MESORIG_RETURN_IF_ERROR(SyncFolder(folder_.dir(), faults_));
+  has_new_main_ = false;
+  if (has_new_sweep_) MESORIG_RETURN_IF_ERROR(SyncFolder(folder_.sweeps(), faults_));
+  has_new_sweep_ = false;
+  for (const auto& [key, file] : files_) ends_[key] = file.writer.end();
   std::erase_if(files_, [](const auto& entry) { return entry.second.is_done; });
   return OkStatus();
+}
+
+void SegmentWriters::Rewind() {
+  for (auto& [key, file] : files_) file.writer.Rewind(ends_[key]);
 }
 
 SegmentReaders::SegmentReaders(const SessionFolder& folder, std::vector<std::string> cameras,
                                std::set<uint32_t> released)
     : folder_(folder), cameras_(std::move(cameras)) {
+  OpenMain();
+  MutexLock lock(mutex_);
+  for (const uint32_t sweep : released) released_.insert(sweep + 1);
+}
+
+void SegmentReaders::OpenMain() {
+  main_.clear();
   for (const std::string& camera : cameras_) {
     auto reader = SegmentReader::Open(folder_.segment(camera));
     if (reader.ok()) {
@@ -66,8 +83,6 @@ SegmentReaders::SegmentReaders(const SessionFolder& folder, std::vector<std::str
       main_.emplace_back(reader.status());
     }
   }
-  MutexLock lock(mutex_);
-  for (const uint32_t sweep : released) released_.insert(sweep + 1);
 }
 
 void SegmentReaders::Release(uint32_t sweep) {
@@ -102,6 +117,10 @@ Status SegmentReaders::Lost(const FrameRecord& record, const Status& status) con
 }
 
 StatusOr<SegmentReaders::Reader> SegmentReaders::Get(const FrameRecord& record) {
+  if (record.camera < 0 || static_cast<size_t>(record.camera) >= cameras_.size()) {
+    return DataLoss("frame {} (shot {}) is of camera {}, there are {}", record.sequence, record.shot,
+                    record.camera, cameras_.size());
+  }
   const auto camera = static_cast<size_t>(record.camera);
   if (record.segment == 0) {
     if (!main_[camera].ok()) return Lost(record, main_[camera].status());

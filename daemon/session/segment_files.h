@@ -20,20 +20,28 @@
 
 namespace mesorig::daemon {
 
-// Owned and called by one thread (the session's writer).
+// By camera and segment: where the last record that counts ends.
+using SegmentEnds = std::map<std::pair<int, uint32_t>, uint64_t>;
+
+// Owned and called by one thread (the session's writer). Unavailable names the file and what failed;
+// the same call may be made again.
 class SegmentWriters {
  public:
-  // Goes on at the end of the main segments, which exist. `sweeps` is borrowed for life.
+  // Opens the main segments; what lies beyond `ends` is cut off, of those of sweeps when they are
+  // opened. `sweeps` and `faults` (may be null) are borrowed for life.
   static StatusOr<SegmentWriters> Open(const SessionFolder& folder,
                                        std::vector<std::string> cameras,
-                                       const PlannedSweeps& sweeps);
+                                       const PlannedSweeps& sweeps, SegmentEnds ends = {},
+                                       DiskFaults* faults = nullptr);
   // Writes into the segment `record.segment`, which it creates when it is not there; returns the
-  // record's offset. Unavailable names the file and what failed.
+  // record's offset.
   StatusOr<uint64_t> Append(const FrameRecord& record, std::string_view pixels);
   // Brings to the disk what was appended, new files included. Closes the segments of sweeps that
   // have their last planned frame, or whose camera has gone on to another segment; a frame that is
-  // shot again opens it again.
+  // shot again opens it again. After an error, Rewind, and append again what this should have synced.
   Status Sync();
+  // Goes back to what the last Sync brought to the disk.
+  void Rewind();
   size_t open_files() const { return files_.size(); }
 
  private:
@@ -44,15 +52,21 @@ class SegmentWriters {
   using Key = std::pair<int, uint32_t>;  // camera, segment
 
   SegmentWriters(SessionFolder folder, std::vector<std::string> cameras,
-                 const PlannedSweeps& sweeps)
-      : folder_(std::move(folder)), cameras_(std::move(cameras)), sweeps_(&sweeps) {}
+                 const PlannedSweeps& sweeps, SegmentEnds ends, DiskFaults* faults)
+      : folder_(std::move(folder)),
+        cameras_(std::move(cameras)),
+        sweeps_(&sweeps),
+        faults_(faults),
+        ends_(std::move(ends)) {}
   StatusOr<File*> Get(const Key& key);
 
   SessionFolder folder_;
   std::vector<std::string> cameras_;  // names
   const PlannedSweeps* sweeps_;
+  DiskFaults* faults_;
+  SegmentEnds ends_;  // synced
   std::map<Key, File> files_;
-  bool has_new_files_ = false;
+  bool has_new_main_ = false, has_new_sweep_ = false;  // their folders are to be synced
 };
 
 // Any thread.
@@ -63,6 +77,8 @@ class SegmentReaders {
   // Opens the main segments: a lost one costs its frames. `released`: numbers of sweeps.
   SegmentReaders(const SessionFolder& folder, std::vector<std::string> cameras,
                  std::set<uint32_t> released);
+  // Again, when a writer may have made one that was lost. Before anybody else reads.
+  void OpenMain();
   // Null for a frame of a released sweep. DataLoss names file and frame; Unavailable.
   StatusOr<std::shared_ptr<const std::string>> Read(const FrameRecord& record) EXCLUDES(mutex_);
   // From now on its frames are released, and none of its files is held open here.

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "protocol/base/disk_faults.h"
 #include "protocol/base/status.h"
 #include "protocol/plan/plan.h"
 #include "protocol/rig/rig.h"
@@ -38,6 +39,8 @@ struct FrameRecord {
   std::string digest;                        // XXH3-128 of the pixels; computed by Append
   uint32_t segment = 0;                      // of the camera; assigned by Append
   uint64_t offset = 0, bytes = 0;            // in that segment; assigned by Append
+  uint32_t run = 0;  // 0: of the first start, then of each resume; assigned by Append. Triggers,
+                     // frame ids and rig time begin anew with a run.
 };
 
 struct StoredFrame {
@@ -71,16 +74,25 @@ enum class SessionEnd { kOpen, kComplete, kIncomplete };
 
 struct SessionSummary {
   std::string id, plan_name, plan_sha256, rig_sha256;
+  std::string sample_name, sample_sha256;  // empty in journals of versions 1 and 2
+  uint32_t starts = 1;                     // the first and every resume
   SessionEnd end = SessionEnd::kOpen;
   std::string reason;  // when incomplete
   bool deterministic = true;
-  double virtual_s = 0, wall_s = 0;
+  double virtual_s = 0, wall_s = 0;  // of all runs that reached an end
   uint32_t frames_planned = 0, frames_durable = 0;
 };
 
 struct SessionOptions {
-  // Append blocks while more pixels than this wait for the disk.
+  // Append blocks while more pixels than this are not durable.
   size_t max_queued_bytes = size_t{256} << 20;
+  DiskFaults* faults = nullptr;  // of tests; borrowed, outlives the session
+};
+
+// The newest frame of a camera, durable or not.
+struct LiveFrame {
+  StoredFrame frame;
+  uint64_t count = 0;  // frames that this camera has given so far, this one included
 };
 
 // Thread contract: Append, Flush and Finish from the sequencer's thread; everything else from any
@@ -99,8 +111,8 @@ class Session {
                                                  const std::string& id);
   // Opens one that was killed or ended incomplete, to go on writing it: what is durable stays, torn
   // tails are cut off, its end is open again. InvalidArgument when its rig is not `rig` (digest);
-  // FailedPrecondition when it is complete; otherwise as Open. Takes time for reading the journal,
-  // none for the frames.
+  // FailedPrecondition when it is complete, or somebody writes it; otherwise as Open. Takes time for
+  // reading the journal, none for the frames.
   static StatusOr<std::shared_ptr<Session>> Resume(const std::filesystem::path& root,
                                                    const std::string& id, const Rig& rig,
                                                    SessionOptions options = {});
@@ -112,36 +124,60 @@ class Session {
   virtual SessionSummary Summary() const = 0;
 
   // Queues the frame for its camera's segment; durable (acknowledged) within 100 ms of host time.
-  // A frame of a shot that has a live one supersedes it. A failure that no waiting mends (a damaged
-  // journal) comes back here: the session is then broken. Blocks, in host time, while SessionOptions::max_queued_bytes wait for
-  // the disk; as the caller is a rig thread, virtual time stands still meanwhile. InvalidArgument
-  // for a camera that the rig lacks, or pixels that are not width x height of `bits` bits;
+  // A frame of a shot that has a row already supersedes it. A failure that no waiting mends (a
+  // damaged journal) comes back here: the session is then broken. Blocks, in host time, while
+  // SessionOptions::max_queued_bytes wait for a slow disk; as the caller is a rig thread, virtual
+  // time stands still meanwhile. ResourceExhausted when so much waits and the disk takes nothing
+  // (Storage): this frame is not kept, and Missing tells it. InvalidArgument for a camera that the
+  // rig lacks, figures that are not finite, or pixels that are not width x height of `bits` bits;
   // FailedPrecondition for a frame of a released sweep.
   virtual Status Append(FrameRecord record, std::shared_ptr<const std::string> pixels) = 0;
   // Cameras of a planned shot that have no live frame: none appended, or what was is damaged.
-  // Ascending. Any number of calls a shot: costs nothing.
+  // Ascending. Any number of calls a shot: costs nothing. (The session keeps two bits a camera and
+  // shot for it.) Of a session opened for reading: none.
   virtual std::vector<int> Missing(uint32_t shot) const { (void)shot; return {}; }
-  // Journals; durable with the next group of frames, or the next Flush. Errors as Append.
+  // These frames are to be taken again: Missing tells them, and what comes in their place supersedes
+  // them. Until then, and after a kill, the ones that are there count.
+  virtual Status Forget(uint32_t shot, const std::vector<int>& cameras) {
+    (void)shot, (void)cameras;
+    return Unimplemented("this session forgets nothing");
+  }
+  // Journals; durable with the next group of frames, or the next Flush. InvalidArgument for a value
+  // that is not finite; otherwise errors as Append.
   virtual Status Record(JournalEntry) { return OkStatus(); }
   // What metering chose for this meter, in this run or before a kill.
   virtual std::optional<double> MeteredExposure(int) const { return std::nullopt; }
-  // The last durable lamp frame (not of a sweep) whose pixels are whole; nothing: there is none.
+  // The last durable lamp frame of the sample (Purpose::kData, not of a sweep) whose pixels are
+  // whole; nothing: there is none.
   virtual StatusOr<std::optional<StoredFrame>> Reference() { return std::optional<StoredFrame>(); }
   // Reads every live frame again after a Flush. Damaged ones are no longer live: Missing tells them,
   // and the frame that comes in their place supersedes them. Returns how many there were.
   virtual StatusOr<uint32_t> DropDamaged() { return 0u; }
-  // OK, or why the disk takes nothing at the moment (Unavailable: file, operation, reason, bytes that
-  // wait): full, read-only, failing. What was appended waits in memory and is tried again; the
-  // sequencer pauses until it is OK again. The listener hears changes, on the writer's thread; one.
+  // OK, or why the disk takes nothing at the moment (Unavailable: file, operation, reason, bytes
+  // that wait): full, read-only, failing. What was appended waits in memory and is tried again twice
+  // a second; the sequencer pauses until it is OK again. The listener hears changes, on the writer's
+  // thread; one.
   virtual Status Storage() const { return OkStatus(); }
   virtual void OnStorage(std::function<void(const Status&)>) {}
-  // Returns when everything appended is durable.
+  // Returns when everything appended is durable. Unavailable when the disk takes nothing, after one
+  // more attempt: everything still waits.
   virtual Status Flush() = 0;
   // Reconciles (planned shots = triggers, frames = sum of cameras, all in the ledger, digests of
   // what is on disk checked) and writes the end. DataLoss when the ledger does not balance: the
   // end is then incomplete, with that reason. Only an end asked for as complete is reconciled.
+  // Unavailable when the disk takes nothing: a complete end is then not written, the session goes
+  // on, and Finish may be called again; an incomplete one ends what is in memory, and what waited is
+  // missing when it is resumed.
   virtual Status Finish(bool complete, std::string_view reason, double virtual_s, double wall_s,
                         bool deterministic) = 0;
+  // The camera's newest frame when it has given more than `after`, durable or not; waits at most
+  // `wait_ms` of host time for it. Nothing for a session that is only read. Holds nobody up.
+  virtual std::optional<LiveFrame> Latest(int camera, uint64_t after, int wait_ms) {
+    (void)camera, (void)after, (void)wait_ms;
+    return std::nullopt;
+  }
+  // What was journaled and is durable, in order of time.
+  virtual StatusOr<std::vector<JournalEntry>> Entries() { return std::vector<JournalEntry>(); }
 
   // Committed rows only. Waits at most `wait_ms` of host time for a row with a sequence above
   // `cursor`; nothing: none yet, or no more (see Summary().end). DataLoss names the file and the

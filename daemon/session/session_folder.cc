@@ -1,6 +1,7 @@
 #include "daemon/session/session_folder.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -37,8 +38,25 @@ std::string MakeId(std::chrono::system_clock::time_point when, std::string_view 
   return fmt::format("{}.{:03}Z-{}", stamp, ms.count() % 1000, name);
 }
 
+// Unavailable; AlreadyExists.
+Status MakeFolder(const std::filesystem::path& dir, DiskFaults* faults) {
+  int error = AskDisk(faults, DiskOperation::kMakeFolder, dir);
+  if (error == 0 && ::mkdir(dir.c_str(), 0755) != 0) error = errno;
+  if (error == 0) return OkStatus();
+  if (error == EEXIST) return absl::AlreadyExistsError(dir.string());
+  return Unavailable("{}: cannot be created: {}", dir.string(), strerror(error));
+}
+
+Status RenameFolder(const std::filesystem::path& from, const std::filesystem::path& to,
+                    DiskFaults* faults) {
+  int error = AskDisk(faults, DiskOperation::kRename, to);
+  if (error == 0 && ::rename(from.c_str(), to.c_str()) != 0) error = errno;
+  if (error == 0) return OkStatus();
+  return Unavailable("{}: rename: {}", to.string(), strerror(error));
+}
+
 Status FillFolder(const SessionFolder& folder, const Rig& rig, std::string_view plan_bin,
-                  const SessionSummary& session) {
+                  const SessionSummary& session, DiskFaults* faults) {
   MESORIG_RETURN_IF_ERROR(WriteFileAtomically(folder.plan(), plan_bin));
   MESORIG_RETURN_IF_ERROR(WriteFileAtomically(folder.rig(), rig.source_text));
   for (size_t i = 0; i < rig.cameras.size(); ++i) {
@@ -51,25 +69,37 @@ Status FillFolder(const SessionFolder& folder, const Rig& rig, std::string_view 
     }
     MESORIG_ASSIGN_OR_RETURN(
         SegmentWriter segment,
-        SegmentWriter::Create(folder.segment(name), static_cast<int>(i), name));
+        SegmentWriter::Open(folder.segment(name), static_cast<int>(i), name, 0, faults));
     MESORIG_RETURN_IF_ERROR(segment.Sync());
   }
-  if (::mkdir(folder.sweeps().c_str(), 0755) != 0) {
-    return Unavailable("{}: cannot be created: {}", folder.sweeps().string(), strerror(errno));
-  }
-  MESORIG_ASSIGN_OR_RETURN(const auto ledger, Ledger::Create(folder.journal(), session));
+  MESORIG_RETURN_IF_ERROR(MakeFolder(folder.sweeps(), faults));
+  MESORIG_ASSIGN_OR_RETURN(const auto ledger, Ledger::Create(folder.journal(), session, faults));
   MESORIG_RETURN_IF_ERROR(ledger->Checkpoint());
-  return SyncFolder(folder.dir());
+  return SyncFolder(folder.dir(), faults);
 }
 
 }  // namespace
 
-Status SyncFolder(const std::filesystem::path& dir) {
-  const UniqueFd fd(::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (fd.get() < 0 || ::fsync(fd.get()) != 0) {
-    return Unavailable("{}: fsync: {}", dir.string(), strerror(errno));
+StatusOr<UniqueFd> LockSession(const SessionFolder& folder) {
+  UniqueFd fd(::open(folder.dir().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (fd.get() < 0) {
+    return Unavailable("{}: cannot be opened: {}", folder.dir().string(), strerror(errno));
   }
-  return OkStatus();
+  if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
+    if (errno == EWOULDBLOCK) {
+      return FailedPrecondition("{}: somebody else writes this session",
+                                folder.dir().filename().string());
+    }
+    return Unavailable("{}: cannot be locked: {}", folder.dir().string(), strerror(errno));
+  }
+  return fd;
+}
+
+Status SyncFolder(const std::filesystem::path& dir, DiskFaults* faults) {
+  int error = AskDisk(faults, DiskOperation::kSync, dir);
+  const UniqueFd fd(::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (error == 0 && (fd.get() < 0 || ::fsync(fd.get()) != 0)) error = errno;
+  return error == 0 ? OkStatus() : Unavailable("{}: fsync: {}", dir.string(), strerror(error));
 }
 
 bool IsFileName(std::string_view name) {
@@ -78,7 +108,8 @@ bool IsFileName(std::string_view name) {
 }
 
 StatusOr<SessionFolder> CreateSessionFolder(const std::filesystem::path& root, const Rig& rig,
-                                            std::string_view plan_bin, SessionSummary& session) {
+                                            std::string_view plan_bin, SessionSummary& session,
+                                            DiskFaults* faults) {
   std::error_code error;
   std::filesystem::create_directories(root, error);
   if (error) return Unavailable("{}: cannot be created: {}", root.string(), error.message());
@@ -88,19 +119,18 @@ StatusOr<SessionFolder> CreateSessionFolder(const std::filesystem::path& root, c
     const std::filesystem::path final_dir = root / session.id;
     const SessionFolder part(root / fmt::format(".{}.part", session.id));
     if (std::filesystem::exists(final_dir, error)) continue;
-    if (::mkdir(part.dir().c_str(), 0755) != 0) {
-      if (errno == EEXIST) continue;
-      return Unavailable("{}: cannot be created: {}", part.dir().string(), strerror(errno));
-    }
-    Status status = FillFolder(part, rig, plan_bin, session);
-    if (status.ok() && ::rename(part.dir().c_str(), final_dir.c_str()) != 0) {
-      status = Unavailable("{}: rename: {}", final_dir.string(), strerror(errno));
-    }
+    Status status = MakeFolder(part.dir(), faults);
+    if (absl::IsAlreadyExists(status)) continue;
+    MESORIG_RETURN_IF_ERROR(status);
+    status = FillFolder(part, rig, plan_bin, session, faults);
+    if (status.ok()) status = RenameFolder(part.dir(), final_dir, faults);
     if (!status.ok()) {
-      std::filesystem::remove_all(part.dir(), error);
+      if (AskDisk(faults, DiskOperation::kRemove, part.dir()) == 0) {
+        std::filesystem::remove_all(part.dir(), error);
+      }
       return status;
     }
-    MESORIG_RETURN_IF_ERROR(SyncFolder(root));
+    MESORIG_RETURN_IF_ERROR(SyncFolder(root, faults));
     return SessionFolder(final_dir);
   }
   return Unavailable("{}: no free session id", root.string());

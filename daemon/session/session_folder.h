@@ -6,7 +6,9 @@
 #include <string>
 #include <string_view>
 
+#include "daemon/session/segment.h"
 #include "daemon/session/session.h"
+#include "protocol/base/disk_faults.h"
 #include "protocol/base/status.h"
 
 namespace mesorig::daemon {
@@ -38,12 +40,17 @@ class SessionFolder {
 // folder for those of sweeps, all synced. The id is `YYYYMMDDTHHMMSS.mmmZ-<plan name>` (UTC), so
 // that ids sort by age; characters of the plan's name that do not belong into a file name become
 // '-'. Fills in session.id. InvalidArgument for a camera's name that cannot be a file name;
-// Unavailable names the file and what failed, and nothing is left behind.
+// Unavailable names the file and what failed, and nothing is left behind. `faults`: may be null.
 StatusOr<SessionFolder> CreateSessionFolder(const std::filesystem::path& root, const Rig& rig,
-                                            std::string_view plan_bin, SessionSummary& session);
+                                            std::string_view plan_bin, SessionSummary& session,
+                                            DiskFaults* faults = nullptr);
+
+// Whoever writes the session holds this: FailedPrecondition when somebody else does. It goes with
+// the descriptor, and with the process.
+StatusOr<UniqueFd> LockSession(const SessionFolder& folder);
 
 // fsync of the folder: files that were created in it are there after a power cut.
-Status SyncFolder(const std::filesystem::path& dir);
+Status SyncFolder(const std::filesystem::path& dir, DiskFaults* faults = nullptr);
 
 // Letters, digits, '.', '_' and '-', not beginning with '.': what an id or a camera's file may be
 // called.

@@ -21,8 +21,8 @@ class SegmentFiles : public ::testing::Test {
  protected:
   void SetUp() override {
     std::filesystem::create_directory(folder_.sweeps());
-    ASSERT_TRUE(SegmentWriter::Create(folder_.segment("a"), 0, "a").ok());
-    ASSERT_TRUE(SegmentWriter::Create(folder_.segment("b"), 1, "b").ok());
+    ASSERT_TRUE(SegmentWriter::Open(folder_.segment("a"), 0, "a", 0).ok());
+    ASSERT_TRUE(SegmentWriter::Open(folder_.segment("b"), 1, "b", 0).ok());
     for (uint32_t sweep = 0; sweep < 40; ++sweep) {  // two frames each
       Step step;
       step.kind = StepKind::kSweep;

@@ -414,19 +414,5 @@ TEST_F(SweepFrames, FramesAndPlansThatCannotBeAreRefused) {
   EXPECT_TRUE(refused([](Step& s) { s.cameras.back() = 8; }));
 }
 
-TEST_F(SweepFrames, AnOlderJournalIsRefusedClearly) {
-  CreateEnded();
-  std::string bytes = *ReadFile(File("journal.sqlite"));
-  ASSERT_EQ(bytes.substr(60, 4), std::string("\0\0\0\2", 4));  // user_version in SQLite's header
-  for (const auto& [version, word] : {std::pair{1, "older"}, std::pair{3, "newer"}}) {
-    bytes[63] = static_cast<char>(version);
-    Overwrite(File("journal.sqlite"), bytes);
-    const Status status = Session::Open(folder_.path(), id_).status();
-    EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
-    const std::string text = fmt::format("schema version {} is {} than 2", version, word);
-    EXPECT_NE(Message(status).find(text), std::string::npos) << status;
-  }
-}
-
 }  // namespace
 }  // namespace mesorig::daemon
