@@ -181,15 +181,13 @@ Status GroupCommitter::CommitGroup() {
   }
   MESORIG_RETURN_IF_ERROR(ledger_->Commit(rows_, entries_));
   if (!rows_.empty()) on_commit_(rows_);
-  MutexLock lock(mutex_);
-  durable_ += rows_.size() + entries_.size();
-  queued_bytes_ -= group_bytes_;
+  committed_ += rows_.size() + entries_.size();
+  committed_bytes_ += group_bytes_;
   rows_.clear();
   pixels_.clear();
   entries_.clear();
   written_ = group_bytes_ = 0;
   is_synced_ = false;
-  changed_.NotifyAll();
   return OkStatus();
 }
 
@@ -198,12 +196,10 @@ bool GroupCommitter::Report(const Status& status) {
   bool is_news = false, goes_on = true;
   {
     MutexLock lock(mutex_);
-    trying_ = false;
     if (status.ok()) {
       is_news = !trouble_.ok();
       trouble_ = OkStatus();
     } else if (absl::IsUnavailable(status)) {
-      ++failures_;
       is_news = trouble_ != status;
       trouble_ = status;
       told = StorageLocked();
@@ -211,12 +207,18 @@ bool GroupCommitter::Report(const Status& status) {
     } else {
       error_ = status;
       queue_.clear();  // never acknowledged
-      queued_bytes_ = 0;
       goes_on = false;
     }
-    changed_.NotifyAll();
   }
+  // (Whoever waits for the disk has heard of it when it is durable, or failed.)
   if (is_news && on_storage_) on_storage_(told);
+  MutexLock lock(mutex_);
+  trying_ = false;
+  durable_ += committed_;
+  queued_bytes_ -= committed_bytes_;
+  committed_ = committed_bytes_ = 0;
+  if (absl::IsUnavailable(status)) ++failures_;
+  changed_.NotifyAll();
   return goes_on;
 }
 

@@ -101,6 +101,7 @@ class GroupCommitter {
   size_t written_ = 0;     // rows in their segments
   bool is_synced_ = false;  // all of them
   size_t group_bytes_ = 0;
+  size_t committed_ = 0, committed_bytes_ = 0;  // since the last Report
   HostClock::time_point group_began_;
 
   std::thread thread_;

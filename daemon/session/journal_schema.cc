@@ -83,8 +83,7 @@ int MigrateJournal(sqlite3* db) {
   if (version == 1) code = Run(db, kFrom1);
   if (code == SQLITE_OK && (version == 1 || version == 2)) code = Run(db, kFrom2);
   if (code == SQLITE_OK) code = Run(db, "COMMIT");
-  if (code != SQLITE_OK) Run(db, "ROLLBACK");
-  return code;
+  return code;  // (Closing the connection rolls it back, and until then it tells what went wrong.)
 }
 
 }  // namespace mesorig::daemon

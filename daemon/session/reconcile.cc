@@ -15,14 +15,10 @@ class Findings {
     auto [it, is_new] = kinds_.try_emplace(std::string(kind), 0, std::string(first));
     ++it->second.first;
   }
-  Status Result(uint32_t frames_planned) const {
-    if (kinds_.empty()) return OkStatus();
-    std::string text;
-    for (const auto& [kind, found] : kinds_) {
-      text += fmt::format("{}{} {} (first: {})", text.empty() ? "" : "; ", found.first, kind,
-                          found.second);
-    }
-    return DataLoss("the ledger does not balance: of {} planned frames {}", frames_planned, text);
+  std::vector<Imbalance> Take() const {
+    std::vector<Imbalance> all;
+    for (const auto& [kind, found] : kinds_) all.push_back({kind, found.second, found.first});
+    return all;
   }
 
  private:
@@ -68,6 +64,7 @@ class Reconciler {
     if (!is_new && owner->second != r.shot) {
       findings_.Add("triggers of two shots", fmt::format("trigger {}", r.trigger_id));
     }
+    CheckCameraFrame(r);
   }
 
   void Verify(const FrameRecord& r, const std::function<Status(const FrameRecord&)>& verify) {
@@ -80,7 +77,7 @@ class Reconciler {
     }
   }
 
-  Status Result() {
+  std::vector<Imbalance> Result() {
     uint32_t frames = 0;
     for (size_t camera = 0; camera < planned_.size(); ++camera) {
       for (uint32_t shot = 0; shot < plan_.shots; ++shot) {
@@ -95,10 +92,27 @@ class Reconciler {
     if (frames != plan_.frames) {
       findings_.Add("totals are wrong", fmt::format("the steps have {} frames", frames));
     }
-    return findings_.Result(plan_.frames);
+    return findings_.Take();
   }
 
  private:
+  // A frame that the camera gave once stands for one shot only, and its time goes forward.
+  void CheckCameraFrame(const FrameRecord& r) {
+    if (r.camera != camera_of_frames_ || r.run != run_of_frames_) shot_of_frame_.clear();
+    camera_of_frames_ = r.camera;
+    run_of_frames_ = r.run;
+    const auto [owner, is_new] =
+        shot_of_frame_.try_emplace({r.frame_id, r.exposure_start_ns}, r.shot);
+    if (!is_new && owner->second != r.shot) {
+      findings_.Add("camera frames of two shots",
+                    fmt::format("{}: the camera's frame {}", Name(r), r.frame_id));
+    }
+    if (r.exposure_end_ns < r.exposure_start_ns) {
+      findings_.Add("exposures that end before they begin",
+                    fmt::format("{}: {} ns, {} ns", Name(r), r.exposure_start_ns,
+                                r.exposure_end_ns));
+    }
+  }
   // Size, depth and region; of a sweep also the place in it.
   void CheckPicture(const FrameRecord& r) {
     const mesorig::Camera& camera = rig_.cameras[r.camera];
@@ -136,13 +150,18 @@ class Reconciler {
   std::vector<std::vector<uint64_t>> live_;  // camera, shot: sequence number, 0: none
   std::vector<uint64_t> last_;               // camera
   std::unordered_map<uint64_t, uint32_t> shot_of_trigger_;  // run << 32 | trigger
+  // Of the camera and run that the rows have come to: camera's id and time -> shot.
+  int camera_of_frames_ = -1;
+  uint32_t run_of_frames_ = 0;
+  std::map<std::pair<uint64_t, int64_t>, uint32_t> shot_of_frame_;
   Findings findings_;
 };
 
 }  // namespace
 
-Status Reconcile(const CompiledPlan& plan, const Rig& rig, Ledger& ledger,
-                 const std::function<Status(const FrameRecord&)>& verify) {
+StatusOr<std::vector<Imbalance>> FindImbalances(
+    const CompiledPlan& plan, const Rig& rig, Ledger& ledger,
+    const std::function<Status(const FrameRecord&)>& verify) {
   Reconciler reconciler(plan, rig);
   MESORIG_RETURN_IF_ERROR(ledger.ForEach([&](const FrameRecord& row) {
     reconciler.Take(row);
@@ -153,6 +172,18 @@ Status Reconcile(const CompiledPlan& plan, const Rig& rig, Ledger& ledger,
     return OkStatus();
   }));
   return reconciler.Result();
+}
+
+Status Reconcile(const CompiledPlan& plan, const Rig& rig, Ledger& ledger,
+                 const std::function<Status(const FrameRecord&)>& verify) {
+  MESORIG_ASSIGN_OR_RETURN(const auto found, FindImbalances(plan, rig, ledger, verify));
+  if (found.empty()) return OkStatus();
+  std::string text;
+  for (const Imbalance& imbalance : found) {
+    text += fmt::format("{}{} {} (first: {})", text.empty() ? "" : "; ", imbalance.count,
+                        imbalance.kind, imbalance.first);
+  }
+  return DataLoss("the ledger does not balance: of {} planned frames {}", plan.frames, text);
 }
 
 }  // namespace mesorig::daemon

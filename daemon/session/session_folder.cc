@@ -1,7 +1,6 @@
 #include "daemon/session/session_folder.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -36,6 +35,14 @@ std::string MakeId(std::chrono::system_clock::time_point when, std::string_view 
   std::replace_if(
       name.begin(), name.end(), [](char c) { return !IsNameCharacter(c); }, '-');
   return fmt::format("{}.{:03}Z-{}", stamp, ms.count() % 1000, name);
+}
+
+// For fcntl: a lock of an open file, as flock's, that one can ask about without taking it.
+struct flock WholeFile() {
+  struct flock lock {};
+  lock.l_type = F_WRLCK;
+  lock.l_whence = SEEK_SET;
+  return lock;
 }
 
 // Unavailable; AlreadyExists.
@@ -81,18 +88,26 @@ Status FillFolder(const SessionFolder& folder, const Rig& rig, std::string_view 
 }  // namespace
 
 StatusOr<UniqueFd> LockSession(const SessionFolder& folder) {
-  UniqueFd fd(::open(folder.dir().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  UniqueFd fd(::open(folder.plan().c_str(), O_RDWR | O_CLOEXEC));
   if (fd.get() < 0) {
-    return Unavailable("{}: cannot be opened: {}", folder.dir().string(), strerror(errno));
+    return Unavailable("{}: cannot be opened for writing: {}", folder.plan().string(),
+                       strerror(errno));
   }
-  if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
-    if (errno == EWOULDBLOCK) {
-      return FailedPrecondition("{}: somebody else writes this session",
+  struct flock lock = WholeFile();
+  if (::fcntl(fd.get(), F_OFD_SETLK, &lock) != 0) {
+    if (errno == EAGAIN || errno == EACCES) {
+      return FailedPrecondition("session {} is being written",
                                 folder.dir().filename().string());
     }
-    return Unavailable("{}: cannot be locked: {}", folder.dir().string(), strerror(errno));
+    return Unavailable("{}: cannot be locked: {}", folder.plan().string(), strerror(errno));
   }
   return fd;
+}
+
+bool IsLocked(const SessionFolder& folder) {
+  const UniqueFd fd(::open(folder.plan().c_str(), O_RDONLY | O_CLOEXEC));
+  struct flock lock = WholeFile();
+  return fd.get() >= 0 && ::fcntl(fd.get(), F_OFD_GETLK, &lock) == 0 && lock.l_type != F_UNLCK;
 }
 
 Status SyncFolder(const std::filesystem::path& dir, DiskFaults* faults) {

@@ -48,6 +48,8 @@ StatusOr<SessionFolder> CreateSessionFolder(const std::filesystem::path& root, c
 // Whoever writes the session holds this: FailedPrecondition when somebody else does. It goes with
 // the descriptor, and with the process.
 StatusOr<UniqueFd> LockSession(const SessionFolder& folder);
+// Somebody writes it, here or in another process.
+bool IsLocked(const SessionFolder& folder);
 
 // fsync of the folder: files that were created in it are there after a power cut.
 Status SyncFolder(const std::filesystem::path& dir, DiskFaults* faults = nullptr);
