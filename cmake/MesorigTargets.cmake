@@ -3,12 +3,24 @@
 # subfolder, and their registry table is generated from the calls below.
 
 # Optimising costs more than it gains in tests, and under sanitizers in all that computes little: CI
-# has two cores. Pixels, rays and factors stay optimised.
+# has two cores. Pixels, rays and factors stay optimised. Targets of one speed share their flags,
+# and so their precompiled headers (MesorigPrecompiled.cmake).
 function(mesorig_optimise name kind)
-  if(MESORIG_SANITIZE AND (kind STREQUAL "test" OR name MATCHES "^(protocol|daemon|client)_"))
-    target_compile_options(${name} PRIVATE -O0)
-  elseif(kind STREQUAL "test")
-    target_compile_options(${name} PRIVATE -O1)
+  if(kind STREQUAL "test")
+    set(speed test)
+  elseif(kind STREQUAL "program" OR name MATCHES "^client_")
+    set(speed program)
+  elseif(name MATCHES "^(protocol|daemon)_")
+    set(speed plain)
+  else()
+    set(speed pixels)
+  endif()
+  target_compile_options(${name} PRIVATE ${MESORIG_SPEED_${speed}})
+  if(MESORIG_PRECOMPILE AND NOT name STREQUAL "protocol_messages")
+    target_precompile_headers(${name} REUSE_FROM mesorig_precompiled_${speed})
+    # GCC 12's are false in std::string, and it forgets there that a precompiled header is a system's.
+    target_compile_options(${name} PRIVATE -Wno-array-bounds -Wno-restrict -Wno-stringop-overflow
+                           -Wno-stringop-overread)
   endif()
 endfunction()
 
@@ -29,6 +41,7 @@ function(mesorig_add_program name)
   add_executable(${name} ${arg_SOURCES})
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR} ${CMAKE_BINARY_DIR}/generated)
   target_link_libraries(${name} PRIVATE ${arg_LINK})
+  mesorig_optimise(${name} program)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
   # What the demo needs: ninja programs.
   if(NOT TARGET programs)
@@ -67,6 +80,23 @@ function(mesorig_add_test name)
     endif()
     add_dependencies(unit_tests ${name})
   endif()
+endfunction()
+
+# mesorig_add_fuzzer(rig_file SOURCES rig_file.cc LINK mesorig::protocol_rig): a libFuzzer binary
+# fuzzers/rig_file of the preset fuzz; ninja fuzzers builds them all. tests/fuzz/README.md.
+function(mesorig_add_fuzzer name)
+  cmake_parse_arguments(arg "" "" "SOURCES;LINK" ${ARGN})
+  add_executable(fuzz_${name} ${arg_SOURCES})
+  target_include_directories(fuzz_${name} PRIVATE ${CMAKE_SOURCE_DIR} ${CMAKE_BINARY_DIR}/generated)
+  target_compile_definitions(fuzz_${name} PRIVATE MESORIG_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
+  target_link_libraries(fuzz_${name} PRIVATE ${arg_LINK})
+  target_link_options(fuzz_${name} PRIVATE -fsanitize=fuzzer)
+  set_target_properties(fuzz_${name} PROPERTIES OUTPUT_NAME ${name}
+                        RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/fuzzers)
+  if(NOT TARGET fuzzers)
+    add_custom_target(fuzzers)
+  endif()
+  add_dependencies(fuzzers fuzz_${name})
 endfunction()
 
 # Registries. mesorig_registry_entry(codecs view_svd "view-svd") is called by mesorig_add_codec and
