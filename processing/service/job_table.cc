@@ -1,12 +1,13 @@
 #include "processing/service/job_table.h"
 
+#include "processing/service/product_folder.h"
 #include "protocol/wire/grpc_status.h"
 
 namespace mesorig::service {
 
 void JobTable::StartLocked(const std::string& session_id) {
   if (stopped_) return;
-  jobs_[session_id] = std::make_shared<SessionJob>(session_id, options_, slots_, [this] {
+  jobs_[session_id] = start_job_(session_id, [this] {
     MutexLock lock(mutex_);
     changed_.NotifyAll();
   });
@@ -20,7 +21,7 @@ void JobTable::StartIfNew(const std::string& session_id) {
 
 void JobTable::Start(const std::string& session_id) {
   if (!CheckSessionId(session_id).ok() || OnDisk(session_id, nullptr)) return;
-  std::shared_ptr<SessionJob> before;  // ends outside the lock, which its thread may take
+  std::shared_ptr<Job> before;  // ends outside the lock, which its thread may take
   {
     MutexLock lock(mutex_);
     const auto found = jobs_.find(session_id);
@@ -31,7 +32,7 @@ void JobTable::Start(const std::string& session_id) {
 }
 
 void JobTable::Stop() {
-  std::map<std::string, std::shared_ptr<SessionJob>> jobs;
+  std::map<std::string, std::shared_ptr<Job>> jobs;
   {
     MutexLock lock(mutex_);
     stopped_ = true;
@@ -42,7 +43,7 @@ void JobTable::Stop() {
 }
 
 bool JobTable::OnDisk(const std::string& session_id, v1::ProductsReply* reply) const {
-  const std::vector<v1::Product> products = ProductsOnDisk(options_.products_dir / session_id);
+  const std::vector<v1::Product> products = ProductsOnDisk(products_dir_ / session_id);
   if (products.empty()) return false;
   if (reply == nullptr) return true;
   reply->set_session_id(session_id);
@@ -55,7 +56,7 @@ grpc::Status JobTable::GetProducts(grpc::ServerContext*, const v1::ProductsReque
                                    v1::ProductsReply* reply) {
   const std::string& id = request->session_id();
   if (const Status status = CheckSessionId(id); !status.ok()) return wire::ToGrpc(status);
-  std::shared_ptr<SessionJob> job;
+  std::shared_ptr<Job> job;
   {
     MutexLock lock(mutex_);
     if (const auto found = jobs_.find(id); found != jobs_.end()) job = found->second;
@@ -74,7 +75,7 @@ grpc::Status JobTable::AwaitProducts(grpc::ServerContext* context,
   const std::string& id = request->session_id();
   if (const Status status = CheckSessionId(id); !status.ok()) return wire::ToGrpc(status);
   StartIfNew(id);
-  std::shared_ptr<SessionJob> job;
+  std::shared_ptr<Job> job;
   {
     MutexLock lock(mutex_);
     if (const auto found = jobs_.find(id); found != jobs_.end()) job = found->second;

@@ -2,19 +2,36 @@
 // Internal to processing/service: the sessions that this process knows, and the Processing service
 // that tells of them.
 
+#include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
 
-#include "processing/service/session_job.h"
+#include "protocol/base/mutex.h"
 #include "protocol/messages/processing.grpc.pb.h"
 
 namespace mesorig::service {
 
+// What becomes of one session; it begins with the object. Thread-safe.
+class Job {
+ public:
+  virtual ~Job() = default;  // stops it and waits
+  virtual void Stop() = 0;
+  // As the Processing service tells it.
+  virtual v1::ProductsReply Snapshot() const = 0;
+  virtual bool finished() const = 0;  // done, or failed
+  virtual bool failed() const = 0;
+};
+// `on_change` is called, without a lock, whenever Snapshot() has changed for good.
+using StartJob = std::function<std::shared_ptr<Job>(const std::string& session_id,
+                                                    std::function<void()> on_change)>;
+
 // Thread-safe.
 class JobTable final : public v1::Processing::Service {
  public:
-  explicit JobTable(JobOptions options) : options_(std::move(options)) {}
+  JobTable(std::filesystem::path products_dir, StartJob start_job)
+      : products_dir_(std::move(products_dir)), start_job_(std::move(start_job)) {}
   // Begins the session unless it is known or its product exists.
   void StartIfNew(const std::string& session_id);
   // Also begins one again that failed.
@@ -33,12 +50,12 @@ class JobTable final : public v1::Processing::Service {
   // A product of an earlier run of this program.
   bool OnDisk(const std::string& session_id, v1::ProductsReply* reply) const;
 
-  const JobOptions options_;
-  ComputeSlots slots_{kComputeThreads};
+  const std::filesystem::path products_dir_;
+  const StartJob start_job_;
   Mutex mutex_;
   CondVar changed_;
   bool stopped_ GUARDED_BY(mutex_) = false;
-  std::map<std::string, std::shared_ptr<SessionJob>> jobs_ GUARDED_BY(mutex_);  // shared with calls
+  std::map<std::string, std::shared_ptr<Job>> jobs_ GUARDED_BY(mutex_);  // shared with calls
 };
 
 }  // namespace mesorig::service

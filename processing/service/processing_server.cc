@@ -2,9 +2,8 @@
 
 #include <grpcpp/grpcpp.h>
 
-
-
 #include "processing/service/job_table.h"
+#include "processing/service/session_job.h"
 #include "protocol/base/log.h"
 #include "protocol/base/program.h"
 #include "protocol/messages/control.grpc.pb.h"
@@ -23,7 +22,12 @@ class Server final : public ProcessingServer {
   Server(const ServerOptions& options, PublishedEndpoint endpoint)
       : options_(options),
         endpoint_(std::move(endpoint)),
-        table_({options.runtime_dir, options.products_dir, options.patience_s}) {}
+        table_(options.products_dir,
+               [this](const std::string& session_id, std::function<void()> on_change) {
+                 const JobOptions job{options_.runtime_dir, options_.products_dir,
+                                      options_.patience_s};
+                 return std::make_shared<SessionJob>(session_id, job, slots_, std::move(on_change));
+               }) {}
   ~Server() override {
     Stop();
     if (server_ != nullptr) {
@@ -108,6 +112,7 @@ class Server final : public ProcessingServer {
 
   const ServerOptions options_;
   PublishedEndpoint endpoint_;
+  ComputeSlots slots_{kComputeThreads};
   JobTable table_;
   StopSignal stop_;
   std::unique_ptr<grpc::Server> server_;  // last: serves table_

@@ -81,14 +81,6 @@ bool WentAway(const Status& status) {
 
 }  // namespace
 
-Status CheckSessionId(const std::string& session_id) {
-  if (session_id.empty() || session_id.size() > 200 || session_id[0] == '.' ||
-      session_id.find_first_of(std::string_view("/\0", 2)) != std::string::npos) {
-    return InvalidArgument("\"{}\" is no session id", session_id);
-  }
-  return OkStatus();
-}
-
 SessionJob::SessionJob(std::string session_id, JobOptions options, ComputeSlots& slots,
                        std::function<void()> on_change)
     : session_id_(std::move(session_id)),

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "processing/service/calls.h"
+#include "processing/service/job_table.h"
 #include "processing/service/session_products.h"
 #include "protocol/base/mutex.h"
 #include "protocol/messages/frames.pb.h"
@@ -29,25 +30,21 @@ struct JobOptions {
 inline constexpr int kComputeThreads = 2;
 using ComputeSlots = std::counting_semaphore<kComputeThreads>;
 
-// InvalidArgument for an id that is no plain folder name.
-Status CheckSessionId(const std::string& session_id);
-
 // One thread a camera reads the frames and computes them; each has a connection of its own and
 // goes on from its cursor when the daemon was away. Runs on the host's clock: virtual time never
 // waits for it. What was not packed when it ends is gone, but for displacement images of
 // sweeps: a new job begins at the first frame, and needs no frames of these again.
-class SessionJob {
+class SessionJob final : public Job {
  public:
   // `on_change` is called, without a lock, whenever Snapshot() has changed for good (done or
   // failed). `slots` is borrowed.
   SessionJob(std::string session_id, JobOptions options, ComputeSlots& slots,
              std::function<void()> on_change);
-  ~SessionJob();  // stops it and waits
-  void Stop() { stop_.Stop(); }
-  // As the Processing service tells it. Any thread.
-  v1::ProductsReply Snapshot() const;
-  bool finished() const;
-  bool failed() const;
+  ~SessionJob() override;  // stops it and waits
+  void Stop() override { stop_.Stop(); }
+  v1::ProductsReply Snapshot() const override;
+  bool finished() const override;
+  bool failed() const override;
 
  private:
   using Clock = std::chrono::steady_clock;

@@ -5,8 +5,6 @@
 namespace mesorig::service {
 namespace {
 
-constexpr char kDisplacements[] = "displacements";
-
 assemble::FrameInfo InfoOf(const v1::FrameHeader& header) {
   return {header.sequence(),
           static_cast<int>(header.camera()),
@@ -33,36 +31,7 @@ mesostructure::SweepFrame SweepFrameOf(const v1::FrameHeader& header) {
   return frame;
 }
 
-v1::Product ProductOf(const char* kind, const std::filesystem::path& path, uint64_t bytes) {
-  v1::Product product;
-  product.set_kind(kind);
-  product.set_path(std::filesystem::absolute(path).string());
-  product.set_bytes(bytes);
-  return product;
-}
-
 }  // namespace
-
-std::filesystem::path BtfPath(const std::filesystem::path& folder) {
-  return folder / "sample.btf.exr";
-}
-std::filesystem::path MdfPath(const std::filesystem::path& folder) {
-  return folder / "sample.mdf.exr";
-}
-
-std::vector<v1::Product> ProductsOnDisk(const std::filesystem::path& folder) {
-  std::vector<v1::Product> products;
-  std::error_code error;
-  const auto btf_bytes = std::filesystem::file_size(BtfPath(folder), error);
-  if (!error) products.push_back(ProductOf("btf", BtfPath(folder), btf_bytes));
-  const auto mdf_bytes = std::filesystem::file_size(MdfPath(folder), error);
-  if (!error) {
-    products.push_back(ProductOf("mdf", MdfPath(folder), mdf_bytes));
-  } else if (std::filesystem::exists(folder / kDisplacements, error)) {
-    products.clear();
-  }
-  return products;
-}
 
 SessionProducts::SessionProducts(const CompiledPlan& plan, std::filesystem::path folder)
     : folder_(std::move(folder)), has_data_(assemble::Assembler::HasData(plan)) {
@@ -80,7 +49,7 @@ StatusOr<std::unique_ptr<SessionProducts>> SessionProducts::Create(
   }
   if (mesostructure::MdfBuilder::HasSweeps(plan)) {
     MESORIG_ASSIGN_OR_RETURN(products->mdf_builder_,
-                             mesostructure::MdfBuilder::Create(rig, plan, folder / kDisplacements));
+                             mesostructure::MdfBuilder::Create(rig, plan, DisplacementsPath(folder)));
   }
   return products;
 }

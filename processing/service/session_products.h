@@ -11,18 +11,11 @@
 
 #include "processing/assemble/assembler.h"
 #include "processing/mesostructure/mdf_builder.h"
+#include "processing/service/product_folder.h"
 #include "protocol/messages/frames.pb.h"
 #include "protocol/messages/processing.pb.h"
 
 namespace mesorig::service {
-
-// `<folder>/sample.btf.exr`, `<folder>/sample.mdf.exr`; displacement images of sweeps, which
-// outlive the job, lie in `<folder>/displacements`.
-std::filesystem::path BtfPath(const std::filesystem::path& folder);
-std::filesystem::path MdfPath(const std::filesystem::path& folder);
-// The products in the folder of a session that was packed to its end; none for any other folder.
-// The MDF is written last, and the displacements tell that there must be one.
-std::vector<v1::Product> ProductsOnDisk(const std::filesystem::path& folder);
 
 // Thread contract: Take from any thread, frames of one camera one after the other; Pack when no
 // Take runs; the rest from any thread.
