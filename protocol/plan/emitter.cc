@@ -100,10 +100,7 @@ void Emitter::RunSweep(const std::vector<int>& cameras, double exposure_s, Sweep
 void Emitter::ForgetState() {
   Light(-1);
   Spend(std::exchange(readout_s_, 0.0));
-  if (std::exchange(lamp_, -1) >= 0) {
-    Add(StepKind::kLamp).lamp = -1;
-    plan_.seconds += LampSeconds(rig_);
-  }
+  if (std::exchange(lamp_, -1) >= 0) Add(StepKind::kLamp).lamp = -1;
   stands_ = shines_ = false;
   ++plan_.prompts;
 }

@@ -12,7 +12,7 @@ constexpr double kPastSwitch_rad = 2 * kPi / 360;
 // The laser unit on an NXT brick (daemon/drivers/nxt_laser): power of its travels, run-up before
 // the first frame, what a command and the reading after it take, and how the laser goes off.
 constexpr double kTravelPower = 0.6;
-constexpr double kTravelRest_s = 0.17;
+constexpr double kTravelRest_s = 0.23;
 constexpr double kRunUp_s = 0.3;
 constexpr double kPositionTolerance_rad = 20 * kPi / 180;
 constexpr double kStart_s = 0.1;

@@ -211,6 +211,44 @@ TEST_F(ProcessingServerTest, LampsAndSweepsGiveBothProductsAlsoAfterARestartWith
   EXPECT_LT(AngleBetween(btf->header.views[0], mdf->header.views[0]), 1e-6);
 }
 
+TEST_F(ProcessingServerTest, CalibrationFramesAloneHaveNoProduct) {
+  plan_ = CompilePlan("name = \"dark\"\n[sample]\nname = \"s\"\n[product]\nwidth_px = 8\nheight_px = "
+                      "8\npitch_mm = 1\nh_ref_mm = 4\n[[calibration]]\nkind = \"dark\"\n"
+                      "exposures_s = [0.02]\ncameras = [\"cam0\"]\nrepeats = 2\n",
+                      "test.toml", rig_).value();
+  daemon_->Listen();
+  daemon_->SetSession(Session());
+  StartServer();
+  for (uint32_t shot = 0; shot < plan_.shots; ++shot) CommitShot(shot, 70);
+  daemon_->End(true);
+  const v1::ProductsReply reply = Await();
+  EXPECT_EQ(reply.error(), "");
+  EXPECT_TRUE(reply.done());
+  EXPECT_EQ(reply.products_size(), 0);
+  EXPECT_EQ(reply.frames_received(), 2u);
+}
+
+// The second dark frame comes after all others: these are read once more, and the value is that of
+// the mean of both, (2000 - 80) codes of 4031.
+TEST_F(ProcessingServerTest, FramesAreReadOnceMoreForALateDarkOne) {
+  plan_ = CompilePlan(assemble::PlanText("0", "90", "\"lamp3\"", "\"cam0\"", 16, 1.0) +
+                          "[[calibration]]\nkind = \"ambient\"\nrepeats = 2\n",
+                      "test.toml", rig_).value();
+  daemon_->Listen();
+  daemon_->SetSession(Session());
+  StartServer();
+  CommitShot(0, 70), CommitShot(2, 2000), CommitShot(1, 90);
+  daemon_->End(true);
+  const v1::ProductsReply reply = Await();
+  ASSERT_EQ(reply.error(), "");
+  ASSERT_EQ(reply.products_size(), 1);
+  const auto late = btf::ReadSampledBtf(reply.products(0).path());
+  ASSERT_TRUE(late.ok()) << late.status();
+  const Vec3 d = late->header().light_positions_mm[0] - late->header().TexelCentre(3, 7);
+  EXPECT_NEAR(late->Image(0, 0)[3 * (7 * 16 + 3) + 1], 1920.0 / 4031 * 25 / (20 / (1e-6 * Dot(d, d))),
+              1e-6);
+}
+
 TEST_F(ProcessingServerTest, GoesOnFromItsCursorWhenStreamsBreakAndTheDaemonRestarts) {
   daemon_->BreakEvery(1);
   daemon_->announced_running = true;
