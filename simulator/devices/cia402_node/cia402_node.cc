@@ -198,6 +198,7 @@ void Cia402Node::NextHomingLeg(RigTime now) {
   if (!homing_legs_.empty()) {
     const auto [target, velocity] = homing_legs_.front();
     homing_legs_.pop_front();
+    homing_velocity_ = velocity;
     return StartMotion(target, velocity, now);
   }
   homing_ = false;
@@ -289,11 +290,17 @@ void Cia402Node::SetSupply(bool on, RigTime now) {
 void Cia402Node::SetStuck(bool stuck, RigTime now) {
   if (stuck == stuck_at_.has_value()) return;
   if (stuck) {
-    stuck_at_ = WorldCounts(now);
+    stuck_at_ = std::round(WorldCounts(now));  // on a whole count, as any axis at rest
     return SetMoves(false, now);
   }
   const double world = *std::exchange(stuck_at_, std::nullopt);
   lost_ = DemandCounts(now) - world;
+  if (homing_) {  // the search goes on from where it stands
+    const double target = motion_.target();
+    motion_ = plant::MotionProfile::Standing(world);
+    lost_ = 0;
+    StartMotion(target, homing_velocity_, now);
+  }
   SetMoves(Moving(now), now);
   SendStatusIfChanged(now);
 }

@@ -71,7 +71,7 @@ const std::vector<FaultKind>& AllFaults() {
       {Of::kAxis, "free", "it moves again"},
       {Of::kAxis, "lose DEG", "the motor loses so many degrees of its steps"},
       {Of::kLamps, "dead LAMP", "its coil is on, it gives no light"},
-      {Of::kLamps, "alive LAMP", "a new bulb"},
+      {Of::kLamps, "alive LAMP", "a new bulb, which shines when it is switched on next"},
       {Of::kLamps, "exception [N]", "the next N requests are refused (server failure)"},
       {Of::kLamps, "close", "connections are closed; new ones are taken"},
       {Of::kNxt, "mount MOUNT", "the operator hangs the laser there; the door must be open"},

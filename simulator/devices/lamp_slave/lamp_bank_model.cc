@@ -83,7 +83,7 @@ Status LampBankModel::SetDead(std::string_view lamp, bool dead, RigTime now) {
   if (found == names_.end()) return NotFound("lamps: there is no lamp \"{}\"", lamp);
   const auto i = static_cast<size_t>(found - names_.begin());
   dead_[i] = dead;
-  levels_[i].Set(coils_[channel_of_lamp_[i]] && !dead ? 1 : 0, Seconds(now));
+  if (dead) levels_[i].Set(0, Seconds(now));  // a new bulb shines when it is switched on next
   return OkStatus();
 }
 

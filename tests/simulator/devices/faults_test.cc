@@ -325,6 +325,17 @@ TEST_F(NodeFaultsTest, StuckWhileHomingFindsNoSwitch) {
   EXPECT_FALSE((status_ & 0x1000) != 0) << "not attained";
 }
 
+TEST_F(NodeFaultsTest, FreedWhileHomingItFindsTheSwitch) {
+  Write(0x6060, 0, 1, 6);
+  Inject("turntable stuck");
+  SetPoint(0x1F, 0);
+  Run(milliseconds(300));
+  Inject("turntable free");
+  Run(std::chrono::seconds(60));
+  EXPECT_TRUE((status_ & 0x1000) != 0) << "attained";
+  EXPECT_NEAR(World(), 0, 0.5);
+}
+
 TEST_F(NodeFaultsTest, WithoutSupplyItStandsAndBootsAfterwards) {
   SetPoint(0x1F, 3000);
   Run(milliseconds(400));
@@ -427,7 +438,9 @@ TEST(LampFaults, DeadLampGivesNoLight) {
   lamps.Switch(0, true, std::chrono::seconds(2));
   EXPECT_EQ(lamps.FluxPerMille(0, std::chrono::seconds(3)), 0);
   ASSERT_EQ(lamps.Inject(std::chrono::seconds(3), "alive L0", out), OkStatus());
-  EXPECT_EQ(lamps.FluxPerMille(0, std::chrono::seconds(4)), 1000);
+  EXPECT_EQ(lamps.FluxPerMille(0, std::chrono::seconds(4)), 0);
+  lamps.Switch(0, true, std::chrono::seconds(4));
+  EXPECT_EQ(lamps.FluxPerMille(0, std::chrono::seconds(5)), 1000);
   EXPECT_TRUE(absl::IsNotFound(lamps.Inject({}, "dead L9", out)));
 }
 
