@@ -31,8 +31,9 @@ struct ModbusBusOptions {
 
 // What came wrong since Connect, by kind of answer.
 struct ModbusCounts {
-  uint64_t unanswered = 0;   // no answer within the response timeout; one that comes later is lost
-  uint64_t damaged = 0;      // not an answer to the request that was sent (other number, function, size)
+  uint64_t unanswered = 0;  // no answer within the response timeout; one that comes later is lost
+  uint64_t damaged =
+      0;  // not an answer to the request that was sent (other number, function, size)
   uint64_t refused = 0;      // the slave's exceptions
   uint64_t broken = 0;       // connections closed or refused by the other side
   uint64_t connections = 0;  // made anew

@@ -14,7 +14,7 @@ namespace {
 constexpr int16_t kAbortIsFault = 1;
 constexpr RigTime kEmergencyDelay{20'000'000};  // an emergency may follow its fault's statusword
 constexpr int kDisableAttempts = 3;
-constexpr double kLimitSlack_rad = 1e-9;        // limits and targets both come from degrees
+constexpr double kLimitSlack_rad = 1e-9;  // limits and targets both come from degrees
 
 }  // namespace
 
@@ -274,8 +274,7 @@ std::string Cia402Axis::Angles(int32_t position) const {
 Status Cia402Axis::AwaitMove(RigTime deadline) {
   // Bit 10 fell, or was confirmed, with the acknowledge that StartMove saw.
   const Status waited = AwaitStatus(
-      deadline,
-      [](uint16_t word) { return (word & (kTargetReached | kFollowingError)) != 0; },
+      deadline, [](uint16_t word) { return (word & (kTargetReached | kFollowingError)) != 0; },
       "target reached");
   const Seen now_seen = seen();
   if (absl::IsDeadlineExceeded(waited)) {

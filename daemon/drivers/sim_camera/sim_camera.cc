@@ -23,11 +23,7 @@ class SimCamera final : public Camera {
  public:
   SimCamera(RigClock& clock, sim_wire::SimLink& link, const StopFlag& stop,
             const mesorig::Camera& description)
-      : clock_(clock),
-        link_(link),
-        stop_(stop),
-        camera_(description),
-        received_(clock) {}
+      : clock_(clock), link_(link), stop_(stop), camera_(description), received_(clock) {}
   ~SimCamera() override {
     if (device_) link_.Subscribe(*device_, [](RigTime, std::string) {});
   }
@@ -54,10 +50,10 @@ class SimCamera final : public Camera {
   // nullopt: not the frame of this trigger; counted.
   StatusOr<std::optional<CapturedFrame>> Accept(std::string payload, uint32_t trigger_id);
   // The count that this frame belongs to; null: it is the awaited one.
-  uint64_t FrameFaults::* Judge(const sim_wire::CameraFrame& frame, uint32_t trigger_id) const;
+  uint64_t FrameFaults::*Judge(const sim_wire::CameraFrame& frame, uint32_t trigger_id) const;
   // Unavailable: the camera is not set as it was told.
   Status CheckSettings(const sim_wire::CameraFrame& frame) const;
-  void Drop(uint64_t FrameFaults::* count, std::string_view what);
+  void Drop(uint64_t FrameFaults::*count, std::string_view what);
 
   RigClock& clock_;
   sim_wire::SimLink& link_;
@@ -74,13 +70,16 @@ class SimCamera final : public Camera {
 };
 
 struct FaultName {
-  uint64_t FrameFaults::* count;
+  uint64_t FrameFaults::*count;
   std::string_view text;
 };
 constexpr FaultName kFaultNames[] = {
-    {&FrameFaults::late, "late"},         {&FrameFaults::duplicate, "duplicate"},
-    {&FrameFaults::torn, "torn"},         {&FrameFaults::damaged, "damaged"},
-    {&FrameFaults::stale, "stale"},       {&FrameFaults::wrong_id, "of a trigger that was not given"},
+    {&FrameFaults::late, "late"},
+    {&FrameFaults::duplicate, "duplicate"},
+    {&FrameFaults::torn, "torn"},
+    {&FrameFaults::damaged, "damaged"},
+    {&FrameFaults::stale, "stale"},
+    {&FrameFaults::wrong_id, "of a trigger that was not given"},
     {&FrameFaults::mistimed, "mistimed"},
 };
 
@@ -102,9 +101,8 @@ Status SimCamera::Open() {
   triggers_.clear();
   last_frame_id_ = 0;
   received_.Clear();
-  MESORIG_ASSIGN_OR_RETURN(
-      const double device_s,
-      Access({CameraRegister::kDeviceTime_s, false, 0}, context + ": reading its clock"));
+  MESORIG_ASSIGN_OR_RETURN(const double device_s, Access({CameraRegister::kDeviceTime_s, false, 0},
+                                                         context + ": reading its clock"));
   if (!(std::abs(device_s) <= 1e9)) {
     return Unavailable("{}: its clock says {} s", context, device_s);
   }
@@ -192,20 +190,20 @@ Status SimCamera::WhyNoFrame(uint32_t trigger_id, RigTime deadline, const FrameF
     const uint64_t came = faults_.*count - before.*count;
     if (came > 0) instead += fmt::format("{}{} {}", instead.empty() ? "" : ", ", came, text);
   }
-  const std::string context = fmt::format(
-      "camera {}: no frame of trigger {} until {:.3f} s{}", camera_.name, trigger_id,
-      Seconds(deadline), instead.empty() ? "" : fmt::format(" (instead: {})", instead));
+  const std::string context =
+      fmt::format("camera {}: no frame of trigger {} until {:.3f} s{}", camera_.name, trigger_id,
+                  Seconds(deadline), instead.empty() ? "" : fmt::format(" (instead: {})", instead));
   const auto there = Access({CameraRegister::kDeviceTime_s, false, 0}, context);
   return there.ok() ? DeadlineExceeded("{}", context) : there.status();
 }
 
-void SimCamera::Drop(uint64_t FrameFaults::* count, std::string_view what) {
+void SimCamera::Drop(uint64_t FrameFaults::*count, std::string_view what) {
   ++(faults_.*count);
   spdlog::warn("camera {}: dropped {}", camera_.name, what);
 }
 
-uint64_t FrameFaults::* SimCamera::Judge(const sim_wire::CameraFrame& frame,
-                                         uint32_t trigger_id) const {
+uint64_t FrameFaults::*SimCamera::Judge(const sim_wire::CameraFrame& frame,
+                                        uint32_t trigger_id) const {
   const auto trigger = std::find_if(triggers_.begin(), triggers_.end(), [&](const Triggered& each) {
     return each.id == frame.trigger_id;
   });
@@ -213,7 +211,8 @@ uint64_t FrameFaults::* SimCamera::Judge(const sim_wire::CameraFrame& frame,
   if (trigger->delivered) return &FrameFaults::duplicate;
   if (trigger->id != trigger_id) return &FrameFaults::late;
   if (frame.frame_id <= last_frame_id_) return &FrameFaults::stale;
-  const double off_s = Seconds(frame.exposure_start) + Seconds(clock_offset_) - Seconds(trigger->at);
+  const double off_s =
+      Seconds(frame.exposure_start) + Seconds(clock_offset_) - Seconds(trigger->at);
   return std::abs(off_s) <= Seconds(kTriggerTolerance) ? nullptr : &FrameFaults::mistimed;
 }
 
@@ -244,7 +243,7 @@ StatusOr<std::optional<CapturedFrame>> SimCamera::Accept(std::string payload, ui
          Message(frame.status()));
     return std::nullopt;
   }
-  if (uint64_t FrameFaults::* const count = Judge(*frame, trigger_id); count != nullptr) {
+  if (uint64_t FrameFaults::*const count = Judge(*frame, trigger_id); count != nullptr) {
     Drop(count, fmt::format("frame {} of trigger {}, exposed at {:.6f} s of its clock (waiting for "
                             "trigger {})",
                             frame->frame_id, frame->trigger_id, Seconds(frame->exposure_start),
@@ -254,15 +253,14 @@ StatusOr<std::optional<CapturedFrame>> SimCamera::Accept(std::string payload, ui
   MESORIG_RETURN_IF_ERROR(CheckSettings(*frame));
   last_frame_id_ = frame->frame_id;
   for (Triggered& trigger : triggers_) trigger.delivered |= trigger.id == trigger_id;
-  CapturedFrame captured{
-      frame->trigger_id,
-      frame->frame_id,
-      frame->exposure_start + clock_offset_,
-      frame->exposure_end + clock_offset_,
-      frame->width,
-      frame->height,
-      frame->bits,
-      std::make_shared<const std::string>(std::move(frame->pixels))};
+  CapturedFrame captured{frame->trigger_id,
+                         frame->frame_id,
+                         frame->exposure_start + clock_offset_,
+                         frame->exposure_end + clock_offset_,
+                         frame->width,
+                         frame->height,
+                         frame->bits,
+                         std::make_shared<const std::string>(std::move(frame->pixels))};
   return captured;
 }
 

@@ -14,19 +14,15 @@ constexpr uint32_t kPowerOnStream = 0x504F4E;  // a stream of its own
 
 }  // namespace
 
-CanBusDevice::CanBusDevice(const Rig& rig, uint64_t seed, Contactor& contactor)
-    : axes_(rig.axes) {
+CanBusDevice::CanBusDevice(const Rig& rig, uint64_t seed, Contactor& contactor) : axes_(rig.axes) {
   for (const Axis& axis : rig.axes) {
-    plant::PhiloxStream random(
-        {static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32)}, kPowerOnStream,
-        static_cast<uint32_t>(axis.can_node), 0);
+    plant::PhiloxStream random({static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32)},
+                               kPowerOnStream, static_cast<uint32_t>(axis.can_node), 0);
     const double turns = (random.Uniform() * 2 - 1) * 20 / 360;
-    nodes_.push_back(
-        std::make_unique<Cia402Node>(axis, std::round(turns * axis.counts_per_turn)));
+    nodes_.push_back(std::make_unique<Cia402Node>(axis, std::round(turns * axis.counts_per_turn)));
     faults_.push_back(std::make_unique<MessageFaults>());
-    faults_.back()->OnPlug([node = nodes_.back().get()](bool plugged, RigTime now) {
-      node->SetSupply(plugged, now);
-    });
+    faults_.back()->OnPlug(
+        [node = nodes_.back().get()](bool plugged, RigTime now) { node->SetSupply(plugged, now); });
   }
   contactor.OnChange([this](bool closed, RigTime now) {
     for (size_t axis = 0; axis < nodes_.size(); ++axis) {

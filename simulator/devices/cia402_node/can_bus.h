@@ -17,7 +17,8 @@ namespace mesorig::simulator {
 
 class CanBusDevice final : public sim_wire::SimDevice {
  public:
-  // One node per Rig::axes, at a power-on position that the seed chooses, within 20 degrees of home.
+  // One node per Rig::axes, at a power-on position that the seed chooses, within 20 degrees of
+  // home.
   CanBusDevice(const Rig& rig, uint64_t seed, Contactor& contactor);
 
   std::string name() const override { return std::string(sim_wire::kCanDevice); }
@@ -44,7 +45,7 @@ class CanBusDevice final : public sim_wire::SimDevice {
   std::vector<Axis> axes_;
   std::vector<std::unique_ptr<Cia402Node>> nodes_;
   std::vector<std::unique_ptr<MessageFaults>> faults_;  // per node
-  sim_wire::Outbox pending_;  // said outside a call of the dispatcher
+  sim_wire::Outbox pending_;                            // said outside a call of the dispatcher
   RigTime pending_at_ = kNever;
 };
 

@@ -150,7 +150,7 @@ void Cia402Node::Controlword(uint16_t word, RigTime now) {
 }
 
 void Cia402Node::Transition(uint16_t word, RigTime now) {  // CiA 402, table "command coding"
-  if ((word & 0x02) == 0) {  // disable voltage
+  if ((word & 0x02) == 0) {                                // disable voltage
     state_ = State::kSwitchOnDisabled;
     StandStill(now);
   } else if ((word & 0x04) == 0) {  // quick stop, active low
@@ -323,8 +323,7 @@ void Cia402Node::SetPower(bool on, RigTime now) {
 }
 
 RigTime Cia402Node::NextEvent() const {
-  const RigTime end =
-      motion_pending_ ? motion_start_ + FromSeconds(motion_.duration_s()) : kNever;
+  const RigTime end = motion_pending_ ? motion_start_ + FromSeconds(motion_.duration_s()) : kNever;
   return std::min({end, next_heartbeat_, consumer_deadline_, next_status_});
 }
 

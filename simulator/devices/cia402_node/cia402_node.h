@@ -95,13 +95,13 @@ class Cia402Node {
   bool motion_pending_ = false;  // its end is an event
   bool moves_ = false;
   std::function<void(bool, RigTime)> on_motion_;
-  double encoder_zero_ = 0;      // world counts at which the encoder shows 0
+  double encoder_zero_ = 0;                            // world counts at which the encoder shows 0
   std::deque<std::pair<double, double>> homing_legs_;  // target (world counts), velocity
-  double homing_velocity_ = 0;  // of the leg under way
+  double homing_velocity_ = 0;                         // of the leg under way
   bool homing_ = false, homing_attained_ = false, homing_error_ = false;
   bool target_reached_ = true, set_point_ack_ = false;
-  double lost_ = 0;                  // demand less world, counts
-  std::optional<double> stuck_at_;   // world counts
+  double lost_ = 0;                 // demand less world, counts
+  std::optional<double> stuck_at_;  // world counts
   RigTime next_heartbeat_ = kNever, consumer_deadline_ = kNever, next_status_ = kNever;
   std::vector<sim_wire::CanFrame> output_;
 };

@@ -7,9 +7,9 @@ namespace mesorig::simulator {
 void DigitalLinesDevice::Command(RigTime now, std::string_view payload, sim_wire::Outbox& out) {
   const auto edge = sim_wire::UnpackLineEdge(payload);
   if (!edge.ok() || laser_ == nullptr || edge->line != lines_.laser_trigger) {
-    spdlog::warn("lines: command ignored ({})",
-                 edge.ok() ? fmt::format("line {} is not an output", edge->line)
-                           : Message(edge.status()));
+    spdlog::warn(
+        "lines: command ignored ({})",
+        edge.ok() ? fmt::format("line {} is not an output", edge->line) : Message(edge.status()));
     return;
   }
   const bool rising = edge->level == 1 && !trigger_;
@@ -80,10 +80,10 @@ Status DigitalLinesDevice::Inject(RigTime now, std::string_view text, sim_wire::
 
 Status DigitalLinesDevice::SetStuck(std::string_view input, bool stuck, RigTime now,
                                     sim_wire::Outbox& out) {
-  const int line = input == "estop"                         ? lines_.estop
-                   : input == "door"                        ? lines_.door
+  const int line = input == "estop"                           ? lines_.estop
+                   : input == "door"                          ? lines_.door
                    : input == "laser_on" && laser_ != nullptr ? lines_.laser_on
-                                                            : -1;
+                                                              : -1;
   if (line < 0) return InvalidArgument("lines: \"{}\" is no input that can be stuck", input);
   MESORIG_ASSIGN_OR_RETURN(const bool level, Level(line, now));
   if (stuck) {

@@ -38,8 +38,8 @@ class DigitalLinesDevice final : public sim_wire::SimDevice {
   Contactor& contactor_;
   LaserUnit* const laser_;
   bool estop_closed_ = true, door_closed_ = true;
-  bool trigger_ = false;     // the output's level
-  bool laser_said_ = false;  // the last edge of laser_on
+  bool trigger_ = false;       // the output's level
+  bool laser_said_ = false;    // the last edge of laser_on
   std::map<int, bool> stuck_;  // line to the level that it says
 };
 

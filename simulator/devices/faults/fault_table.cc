@@ -39,7 +39,8 @@ bool Fits(std::string_view usage, const std::vector<std::string_view>& words) {
   for (const std::string_view place : places) least += place.starts_with('[') ? 0 : 1;
   if (words.size() < least || words.size() > places.size()) return false;
   for (size_t i = 0; i < places.size(); ++i) {
-    const bool literal = places[i].find_first_of("[]|ABCDEFGHIJKLMNOPQRSTUVWXYZ") == std::string_view::npos;
+    const bool literal =
+        places[i].find_first_of("[]|ABCDEFGHIJKLMNOPQRSTUVWXYZ") == std::string_view::npos;
     if (literal && words[i] != places[i]) return false;
     if (places[i].find('|') == std::string_view::npos || places[i].starts_with('[')) continue;
     // One of several: open|close.
@@ -61,7 +62,8 @@ std::vector<std::string> Devices(const Rig& rig) {
 
 const std::vector<FaultKind>& AllFaults() {
   static const std::vector<FaultKind> faults = {
-      {Of::kAny, "drop [N] [in|out]", "the next N messages are lost (in: to the device; out: from it)"},
+      {Of::kAny, "drop [N] [in|out]",
+       "the next N messages are lost (in: to the device; out: from it)"},
       {Of::kAny, "delay MS [N] [in|out]", "the next N messages come MS milliseconds late"},
       {Of::kAny, "corrupt [N] [in|out]", "a byte of each of the next N messages is damaged"},
       {Of::kAny, "duplicate [N] [in|out]", "the next N messages come twice"},
@@ -79,14 +81,16 @@ const std::vector<FaultKind>& AllFaults() {
       {Of::kLines, "estop open|close", "the emergency stop"},
       {Of::kLines, "door open|close", "the door"},
       {Of::kLines, "reset", "pressed and let go"},
-      {Of::kLines, "stuck estop|door|laser_on", "the input says what it says now, whatever happens"},
+      {Of::kLines, "stuck estop|door|laser_on",
+       "the input says what it says now, whatever happens"},
       {Of::kLines, "free estop|door|laser_on", "it follows again"},
       {Of::kCamera, "silent [N]", "the next N triggers give no frame"},
       {Of::kCamera, "torn [N]", "of the next N frames half the rows arrive"},
       {Of::kCamera, "stale [N]", "the next N triggers are answered with an older frame"},
       {Of::kCamera, "wrong_id [N]", "the next N frames name another trigger"},
       {Of::kCamera, "clock SECONDS", "its clock jumps by so much (also back)"},
-      {Of::kRig, "leap SECONDS", "so much time passes at the rig at once, the daemon hears of it after"},
+      {Of::kRig, "leap SECONDS",
+       "so much time passes at the rig at once, the daemon hears of it after"},
   };
   return faults;
 }
@@ -143,13 +147,13 @@ Status CheckFault(const Rig& rig, std::string_view text) {
   }
   const bool axis = device == "can" && known(fmt::format("can {}", words[1]));
   words.erase(words.begin(), words.begin() + (axis ? 2 : 1));
-  const Of of = axis                          ? Of::kAxis
-                : device == "lamps"           ? Of::kLamps
-                : device == "nxt"             ? Of::kNxt
-                : device == "lines"           ? Of::kLines
-                : device == "rig"             ? Of::kRig
+  const Of of = axis                           ? Of::kAxis
+                : device == "lamps"            ? Of::kLamps
+                : device == "nxt"              ? Of::kNxt
+                : device == "lines"            ? Of::kLines
+                : device == "rig"              ? Of::kRig
                 : device.starts_with("camera") ? Of::kCamera
-                                              : Of::kAny;
+                                               : Of::kAny;
   for (const FaultKind& fault : AllFaults()) {
     const bool here = fault.of == of || (fault.of == Of::kAny && of != Of::kRig);
     if (here && !words.empty() && Fits(fault.usage, words)) return OkStatus();

@@ -8,9 +8,9 @@
 //   disconnect              nothing goes in or out any more, what was on its way is lost
 //   replug [MS]             back again, MS milliseconds from now
 //
-// in: to the device; out: from it (the default). N is 1 unless told. One fault a message: of several
-// that wait the order above decides. Which byte is damaged follows from how many were before: equal
-// injections give equal damage. Called by the dispatcher only.
+// in: to the device; out: from it (the default). N is 1 unless told. One fault a message: of
+// several that wait the order above decides. Which byte is damaged follows from how many were
+// before: equal injections give equal damage. Called by the dispatcher only.
 
 #include <array>
 #include <deque>

@@ -167,8 +167,7 @@ void LampSlave::Receive(Master& master) {
   server_->RunExclusive([&](RigTime now) {
     const std::string whole(reinterpret_cast<const char*>(request), static_cast<size_t>(size));
     if (wire_ == nullptr) return Answer(master, whole, now);
-    for (std::string& passed :
-         wire_->messages().Pass(MessageFaults::Way::kIn, now, whole)) {
+    for (std::string& passed : wire_->messages().Pass(MessageFaults::Way::kIn, now, whole)) {
       Answer(master, std::move(passed), now);
     }
   });

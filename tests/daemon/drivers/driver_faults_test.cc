@@ -303,8 +303,9 @@ TEST_F(AxisFaultsTest, RestartWhoseBootUpMessageIsLostIsNoticed) {
 TEST_F(AxisFaultsTest, LostDamagedAndDoubledTelegramsDoNotMisplaceIt) {
   Ready();
   double target = 10;
-  for (const char* fault : {"drop", "drop in", "drop 3", "drop 3 in", "corrupt", "corrupt 3", "corrupt in",
-                            "duplicate 5", "duplicate 5 in", "delay 120 4", "delay 120 4 in"}) {
+  for (const char* fault :
+       {"drop", "drop in", "drop 3", "drop 3 in", "corrupt", "corrupt 3", "corrupt in",
+        "duplicate 5", "duplicate 5 in", "delay 120 4", "delay 120 4 in"}) {
     Inject(std::string("can turntable ") + fault);
     const Status status = Move(target);
     if (status.ok()) {

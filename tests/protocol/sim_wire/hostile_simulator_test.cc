@@ -89,7 +89,8 @@ struct Outcome {
 };
 
 Outcome Drive(uint32_t seed, int mutate_percent) {
-  const auto path = std::filesystem::temp_directory_path() / fmt::format("mesorig-hostile-{}", ::getpid());
+  const auto path =
+      std::filesystem::temp_directory_path() / fmt::format("mesorig-hostile-{}", ::getpid());
   std::filesystem::remove(path);
   Outcome outcome;
   {

@@ -130,15 +130,16 @@ TEST_F(FaultyDeviceTest, RefusesWhatItDoesNotKnow) {
 TEST(FaultTable, EveryFaultIsKnownToItsDevice) {
   const Rig rig = SmallLaserRig();
   for (const char* good :
-       {"can drop", "can turntable corrupt 3 in", "can arc stuck", "can arc free", "can arc lose -3.5",
-        "lamps dead L0", "lamps close", "lamps exception 2", "nxt delay 20 3", "nxt switch off",
-        "lines stuck door", "lines door open", "camera:1000 silent", "camera:1001 clock -0.5",
-        "camera:1000 replug 500", "rig leap 3"}) {
+       {"can drop", "can turntable corrupt 3 in", "can arc stuck", "can arc free",
+        "can arc lose -3.5", "lamps dead L0", "lamps close", "lamps exception 2", "nxt delay 20 3",
+        "nxt switch off", "lines stuck door", "lines door open", "camera:1000 silent",
+        "camera:1001 clock -0.5", "camera:1000 replug 500", "rig leap 3"}) {
     EXPECT_EQ(CheckFault(rig, good), OkStatus()) << good;
   }
-  for (const char* bad : {"", "can", "axis drop", "can turntable", "can base stuck", "lines stuck reset",
-                          "lines door ajar", "camera:9 drop", "rig drop", "rig leap", "lamps dead",
-                          "camera:1000 torn 1 2 3", "lamps stuck", "can stuck"}) {
+  for (const char* bad :
+       {"", "can", "axis drop", "can turntable", "can base stuck", "lines stuck reset",
+        "lines door ajar", "camera:9 drop", "rig drop", "rig leap", "lamps dead",
+        "camera:1000 torn 1 2 3", "lamps stuck", "can stuck"}) {
     EXPECT_TRUE(absl::IsInvalidArgument(CheckFault(rig, bad))) << bad;
   }
   EXPECT_FALSE(CheckFault(SmallRig(), "nxt drop").ok()) << "a rig without a laser";
@@ -154,7 +155,8 @@ TEST(FaultTable, StandsInTheReadme) {
 TEST(FaultScript, SortsByTimeAndNamesTheLine) {
   const Rig rig = SmallRig();
   const auto script = ParseFaultScript(
-      "# a script\nat 5 can drop 3\r\n\n  at 2.5 camera:1000   silent # once\nat 5 lamps close", "f", rig);
+      "# a script\nat 5 can drop 3\r\n\n  at 2.5 camera:1000   silent # once\nat 5 lamps close",
+      "f", rig);
   ASSERT_TRUE(script.ok()) << script.status();
   ASSERT_EQ(script->size(), 3u);
   EXPECT_EQ((*script)[0].at, RigTime(milliseconds(2500)));
@@ -174,7 +176,8 @@ TEST(FaultScript, SortsByTimeAndNamesTheLine) {
 
 TEST(FaultScript, MutatedOnesAreReadOrRefused) {
   const Rig rig = SmallLaserRig();
-  const std::string whole = "at 5 can turntable delay 20 3 in\nat 1e3 rig leap 2\nat 0 lines stuck door\n";
+  const std::string whole =
+      "at 5 can turntable delay 20 3 in\nat 1e3 rig leap 2\nat 0 lines stuck door\n";
   std::mt19937 random(3);
   int refused = 0;
   for (int i = 0; i < 3000; ++i) {
@@ -229,15 +232,18 @@ class NodeFaultsTest : public ::testing::Test {
     Read();
   }
   void Write(uint16_t index, uint8_t sub, int size, uint32_t value) {
-    sim_wire::CanFrame frame{0x605, 8, {static_cast<uint8_t>(0x23 | (4 - size) << 2),
-                                        static_cast<uint8_t>(index), static_cast<uint8_t>(index >> 8),
-                                        sub}};
+    sim_wire::CanFrame frame{0x605,
+                             8,
+                             {static_cast<uint8_t>(0x23 | (4 - size) << 2),
+                              static_cast<uint8_t>(index), static_cast<uint8_t>(index >> 8), sub}};
     for (int i = 0; i < 4; ++i) frame.data[4 + i] = static_cast<uint8_t>(value >> (8 * i));
     Send(frame);
   }
   void SetPoint(uint16_t word, int32_t target) {
-    sim_wire::CanFrame frame{0x405, 6, {static_cast<uint8_t>(word), static_cast<uint8_t>(word >> 8)}};
-    for (int i = 0; i < 4; ++i) frame.data[2 + i] = static_cast<uint8_t>(static_cast<uint32_t>(target) >> (8 * i));
+    sim_wire::CanFrame frame{
+        0x405, 6, {static_cast<uint8_t>(word), static_cast<uint8_t>(word >> 8)}};
+    for (int i = 0; i < 4; ++i)
+      frame.data[2 + i] = static_cast<uint8_t>(static_cast<uint32_t>(target) >> (8 * i));
     Send(frame);
   }
   void Run(RigTime until) {
@@ -382,7 +388,9 @@ class CameraFaultsTest : public ::testing::Test {
     for (const std::string& said : out_.Take()) frames.push_back(sim_wire::UnpackCameraFrame(said));
     return frames;
   }
-  void Inject(std::string_view text) { EXPECT_EQ(camera_.Inject(now_, text, out_), OkStatus()) << text; }
+  void Inject(std::string_view text) {
+    EXPECT_EQ(camera_.Inject(now_, text, out_), OkStatus()) << text;
+  }
   const Rig rig_ = SmallRig();
   FlatSource source_;
   CameraDevice camera_{rig_, 0, source_};
