@@ -30,7 +30,12 @@ Command AddWatchCommand(CLI::App& app, Common& common);
 Command AddStopCommand(CLI::App& app, Common& common);
 Command AddAcknowledgeCommand(CLI::App& app, Common& common);
 Command AddSessionsCommand(CLI::App& app, Common& common);
+Command AddArmCommand(CLI::App& app, Common& common);
+Command AddStartCommand(CLI::App& app, Common& common);
 Command AddPauseCommand(CLI::App& app, Common& common);
+Command AddContinueCommand(CLI::App& app, Common& common);
+Command AddAbortCommand(CLI::App& app, Common& common);
+Command AddResetCommand(CLI::App& app, Common& common);
 Command AddResumeCommand(CLI::App& app, Common& common);
 Command AddPlanCheckCommand(CLI::App& plan, Common& common);
 

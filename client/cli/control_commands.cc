@@ -1,7 +1,8 @@
-// status, watch, stop, acknowledge, sessions, pause, resume: one call each.
+// status, watch, sessions, and the commands to the state machine: one call each.
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -26,6 +27,14 @@ Status ShowStatus(const Common& common) {
                status.session_id(), status.shots_done(), status.shots(), status.frames_durable(),
                status.frames(), DurationText(status.rig_s()), DurationText(status.estimated_s()));
   }
+  if (status.bytes_left() > 0) {
+    fmt::print("  about {} to go, {} to come, {} free on the disk{}\n",
+               DurationText(status.remaining_s()), BytesText(status.bytes_left()),
+               BytesText(status.disk_free_bytes()),
+               status.disk_free_bytes() < status.bytes_left() ? ": it will not fit" : "");
+  }
+  if (status.alarms() > 0) fmt::print("  {} alarms: see `mesorig watch`\n", status.alarms());
+  if (!status.storage().empty()) fmt::print("  the disk takes nothing: {}\n", status.storage());
   if (status.has_prompt()) fmt::print("{}\n", PromptText(status.prompt()));
   for (const v1::Reading& reading : status.readings()) {
     fmt::print("  {:<22} {:>12.4f} {:<4} {:.1f} s ago\n", reading.name(), reading.value(),
@@ -43,9 +52,20 @@ Status WatchEvents(const Common& common) {
   });
 }
 
-Status StopPlan(const Common& common, const std::string& reason) {
+// One command to the daemon; with --json what it does then.
+Status Order(const Common& common, const std::function<Status(DaemonClient&)>& give) {
   MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
-  return daemon->Stop(reason);
+  MESORIG_RETURN_IF_ERROR(give(*daemon));
+  if (!common.json) return OkStatus();
+  MESORIG_ASSIGN_OR_RETURN(const v1::StatusReply status, daemon->GetStatus());
+  fmt::print("{}\n", JsonText(status));
+  return OkStatus();
+}
+
+std::string Joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : " ") + word;
+  return text.empty() ? "operator" : text;
 }
 
 // The prompt that is waiting now.
@@ -89,9 +109,7 @@ Command AddStopCommand(CLI::App& app, Common& common) {
       app.add_subcommand("stop", "Lamps off and axes stopped, now; the session ends incomplete");
   stop->add_option("reason", *words, "Why, for the journal");
   return {stop, [words, &common] {
-            std::string reason;
-            for (const std::string& word : *words) reason += (reason.empty() ? "" : " ") + word;
-            return StopPlan(common, reason.empty() ? "operator" : reason);
+            return Order(common, [&](DaemonClient& daemon) { return daemon.Stop(Joined(*words)); });
           }};
 }
 
@@ -108,17 +126,47 @@ Command AddSessionsCommand(CLI::App& app, Common& common) {
 }
 
 Command AddPauseCommand(CLI::App& app, Common& common) {
-  return {app.add_subcommand("pause", "Pause the running plan (not there yet)"),
-          [&common]() -> Status {
-            MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
-            return daemon->Pause();
+  struct Options {
+    std::vector<std::string> words;
+    bool now = false;
+  };
+  auto options = std::make_shared<Options>();
+  CLI::App* pause = app.add_subcommand(
+      "pause", "Everything off after the shot or sweep under way; `mesorig continue` goes on");
+  pause->add_option("reason", options->words, "Why, for the journal");
+  pause->add_flag("--now", options->now, "Do not wait for the shot: it is taken again");
+  return {pause, [options, &common] {
+            return Order(common, [&](DaemonClient& daemon) {
+              return daemon.Pause(options->now, Joined(options->words));
+            });
           }};
 }
 
-Command AddResumeCommand(CLI::App& app, Common& common) {
-  return {app.add_subcommand("resume", "Resume a session (not there yet)"), [&common]() -> Status {
-            MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
-            return daemon->Resume();
+Command AddContinueCommand(CLI::App& app, Common& common) {
+  return {app.add_subcommand("continue", "Go on after a pause"), [&common] {
+            return Order(common, [](DaemonClient& daemon) { return daemon.Continue(); });
+          }};
+}
+
+Command AddAbortCommand(CLI::App& app, Common& common) {
+  auto words = std::make_shared<std::vector<std::string>>();
+  CLI::App* abort = app.add_subcommand(
+      "abort", "Lamps and laser off, axes parked at home; the session ends incomplete");
+  abort->add_option("reason", *words, "Why, for the journal");
+  return {abort, [words, &common] {
+            return Order(common, [&](DaemonClient& daemon) { return daemon.Abort(Joined(*words)); });
+          }};
+}
+
+Command AddResetCommand(CLI::App& app, Common& common) {
+  return {app.add_subcommand("reset", "Leave a fault"), [&common] {
+            return Order(common, [](DaemonClient& daemon) { return daemon.Reset(); });
+          }};
+}
+
+Command AddStartCommand(CLI::App& app, Common& common) {
+  return {app.add_subcommand("start", "Begin the plan that is armed"), [&common] {
+            return Order(common, [](DaemonClient& daemon) { return daemon.Start(); });
           }};
 }
 

@@ -17,6 +17,8 @@
 namespace mesorig::client {
 namespace {
 
+constexpr size_t kMaxPlan = 4u << 20;
+
 struct RunOptions {
   std::string plan;
   std::string on_prompt;
@@ -60,16 +62,19 @@ StatusOr<v1::SessionEnded> AwaitEnd(const RunOptions& options, DaemonClient& dae
   ProgressBar bar;
   v1::SessionEnded ended;
   Status answered;
-  bool ours = false, seen = false;  // events of earlier sessions come first
-  MESORIG_RETURN_IF_ERROR(daemon.Watch(0, [&](const v1::Event& event) {
+  bool seen = false;
+  MESORIG_RETURN_IF_ERROR(daemon.Watch(reply.event_sequence(), [&](const v1::Event& event) {
     if (event.has_progress() && event.progress().session_id() == reply.session_id()) {
       bar.Show(event.progress().shots_done(), reply.shots(), "shots");
     }
-    ours = ours || (event.has_started() && event.started().session_id() == reply.session_id());
-    if (ours && event.has_prompt()) {
+    if (event.has_prompt()) {
       answered = AnswerPrompt(options, daemon, event.prompt());
       if (!answered.ok()) return false;
     }
+    // What somebody should know while there is time to act.
+    const bool notable = event.has_alarm() || event.has_note() ||
+                         (event.has_state() && event.state().state() == v1::PAUSED);
+    if (notable) fmt::print(stderr, "{}\n", EventText(event));
     if (event.has_ended() && event.ended().session_id() == reply.session_id()) {
       ended = event.ended();
       seen = true;
@@ -99,6 +104,7 @@ nlohmann::json ToJson(const v1::RunReply& reply, const v1::SessionEnded& ended,
           {"estimated_s", reply.estimated_s()},
           {"virtual_s", ended.virtual_s()},
           {"wall_s", ended.wall_s()},
+          {"preparation_s", ended.preparation_s()},
           {"deterministic", ended.deterministic()},
           {"processing_s", products.processing_s()},
           {"processing_wall_s", products.wall_s()},
@@ -116,29 +122,35 @@ StatusOr<v1::ProductsReply> Products(const Common& common, const std::string& se
   return products;
 }
 
-Status Run(const RunOptions& options, const Common& common) {
-  MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(options.plan, 4u << 20));
-  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
-  MESORIG_ASSIGN_OR_RETURN(const v1::RunReply reply, daemon->Run(text, options.plan));
-  if (!common.json) {
-    fmt::print("session {}: {} shots, {} frames, {}, about {} at the rig\n", reply.session_id(),
-               reply.shots(), reply.frames(), BytesText(reply.frame_bytes()),
-               DurationText(reply.estimated_s()));
-    if (reply.frames_blocked() > 0) {
-      fmt::print("{} frames are left out: solids block their beams\n", reply.frames_blocked());
-    }
-    if (reply.sweeps() > 0) {
-      fmt::print("{} sweeps of the laser; the operator is asked {} times\n", reply.sweeps(),
-                 reply.prompts());
-    }
-    std::fflush(stdout);
+void PrintBegun(const v1::RunReply& reply) {
+  fmt::print("session {}: {} shots, {} frames, {}, about {} at the rig\n", reply.session_id(),
+             reply.shots(), reply.frames(), BytesText(reply.frame_bytes()),
+             DurationText(reply.estimated_s()));
+  if (reply.frames_missing() != reply.frames()) {
+    fmt::print("{} frames are still to be taken, {}\n", reply.frames_missing(),
+               BytesText(reply.missing_bytes()));
   }
+  if (reply.frames_blocked() > 0) {
+    fmt::print("{} frames are left out: solids block their beams\n", reply.frames_blocked());
+  }
+  if (reply.sweeps() > 0 || reply.prompts() > 0) {
+    fmt::print("{} sweeps of the laser; the operator is asked {} times\n", reply.sweeps(),
+               reply.prompts());
+  }
+  std::fflush(stdout);
+}
+
+// What run and resume have in common once the session is begun.
+Status Follow(const RunOptions& options, const Common& common, DaemonClient& daemon,
+              const v1::RunReply& reply) {
+  if (!common.json) PrintBegun(reply);
+  if (!reply.warning().empty()) fmt::print(stderr, "mesorig: {}\n", reply.warning());
   if (options.no_wait) {
     if (common.json) fmt::print("{}\n", JsonText(reply));
     return OkStatus();
   }
   std::signal(SIGINT, Detach);
-  MESORIG_ASSIGN_OR_RETURN(const v1::SessionEnded ended, AwaitEnd(options, *daemon, reply));
+  MESORIG_ASSIGN_OR_RETURN(const v1::SessionEnded ended, AwaitEnd(options, daemon, reply));
   if (!ended.complete()) {
     return absl::AbortedError(fmt::format("session {} is incomplete: {} ({} of {} frames durable)",
                                           reply.session_id(), ended.reason(),
@@ -164,6 +176,14 @@ Status Run(const RunOptions& options, const Common& common) {
   return OkStatus();
 }
 
+void AddFollowOptions(CLI::App& command, RunOptions& options) {
+  command.add_option("--on-prompt", options.on_prompt,
+                     "Shell command that does what a prompt asks for (MESORIG_PROMPT_ID, _TEXT, "
+                     "_MOUNT in its environment); when it ends with 0 the prompt is acknowledged");
+  command.add_flag("--no-wait", options.no_wait, "Return once the session is journaled");
+  command.add_flag("--no-products", options.no_products, "Do not wait for the processing service");
+}
+
 }  // namespace
 
 Command AddRunCommand(CLI::App& app, Common& common) {
@@ -171,12 +191,59 @@ Command AddRunCommand(CLI::App& app, Common& common) {
   CLI::App* run = app.add_subcommand(
       "run", "Run a plan and wait for its end and its products; Ctrl-C detaches");
   run->add_option("plan", options->plan, "Plan file (plans/*.toml)")->required();
-  run->add_option("--on-prompt", options->on_prompt,
-                  "Shell command that does what a prompt asks for (MESORIG_PROMPT_ID, _TEXT, "
-                  "_MOUNT in its environment); when it ends with 0 the prompt is acknowledged");
-  run->add_flag("--no-wait", options->no_wait, "Return once the session is journaled");
-  run->add_flag("--no-products", options->no_products, "Do not wait for the processing service");
-  return {run, [options, &common] { return Run(*options, common); }};
+  AddFollowOptions(*run, *options);
+  return {run, [options, &common]() -> Status {
+            MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(options->plan, kMaxPlan));
+            MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
+            MESORIG_ASSIGN_OR_RETURN(const v1::RunReply reply, daemon->Run(text, options->plan));
+            return Follow(*options, common, *daemon, reply);
+          }};
+}
+
+Command AddArmCommand(CLI::App& app, Common& common) {
+  auto options = std::make_shared<RunOptions>();
+  options->no_wait = true;
+  CLI::App* arm = app.add_subcommand(
+      "arm", "Check a plan against rig, chain and disk and journal its session; nothing moves "
+             "until `mesorig start`");
+  arm->add_option("plan", options->plan, "Plan file (plans/*.toml)")->required();
+  return {arm, [options, &common]() -> Status {
+            MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(options->plan, kMaxPlan));
+            MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
+            MESORIG_ASSIGN_OR_RETURN(const v1::RunReply reply, daemon->Arm(text, options->plan));
+            return Follow(*options, common, *daemon, reply);
+          }};
+}
+
+Command AddResumeCommand(CLI::App& app, Common& common) {
+  struct Options {
+    RunOptions run;
+    std::string session, sample, reshoot;
+    bool accept_reference = false;
+  };
+  auto options = std::make_shared<Options>();
+  CLI::App* resume = app.add_subcommand(
+      "resume", "Go on with a session that was killed, stopped, aborted or failed: what is missing "
+                "is taken");
+  resume->add_option("session", options->session, "Its id (`mesorig sessions`)")->required();
+  resume->add_option("--sample", options->sample,
+                     "The name of the sample that lies on the rig: must be the session's")
+      ->required();
+  resume->add_option("--reshoot", options->reshoot,
+                     "Shots to take again though they are there, as `3,7-9` or `3:cam2`");
+  resume->add_flag("--accept-reference", options->accept_reference,
+                   "Go on though the reference frame differs from the one on the disk");
+  AddFollowOptions(*resume, options->run);
+  return {resume, [options, &common]() -> Status {
+            MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
+            v1::ResumeSessionRequest request;
+            request.set_session_id(options->session);
+            request.set_sample_name(options->sample);
+            request.set_reshoot(options->reshoot);
+            request.set_accept_reference(options->accept_reference);
+            MESORIG_ASSIGN_OR_RETURN(const v1::RunReply reply, daemon->ResumeSession(request));
+            return Follow(options->run, common, *daemon, reply);
+          }};
 }
 
 }  // namespace mesorig::client

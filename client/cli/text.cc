@@ -21,6 +21,12 @@ std::string_view StateName(v1::State state) {
       return "stopping";
     case v1::FAULT:
       return "fault";
+    case v1::ARMED:
+      return "armed";
+    case v1::PAUSING:
+      return "pausing";
+    case v1::PAUSED:
+      return "paused";
     default:
       return "unknown";
   }
@@ -59,8 +65,9 @@ std::string EventText(const v1::Event& event) {
       return fmt::format("{}{}{}{}", when, StateName(event.state().state()),
                          event.state().reason().empty() ? "" : ": ", event.state().reason());
     case v1::Event::kStarted:
-      return fmt::format("{}session {}: {} shots, {} frames", when, event.started().session_id(),
-                         event.started().shots(), event.started().frames());
+      return fmt::format("{}session {}{}: {} shots, {} frames", when, event.started().session_id(),
+                         event.started().resumed() ? " resumed" : "", event.started().shots(),
+                         event.started().frames());
     case v1::Event::kProgress:
       return fmt::format("{}{} shots, {} frames durable", when, event.progress().shots_done(),
                          event.progress().frames_durable());
@@ -70,6 +77,8 @@ std::string EventText(const v1::Event& event) {
                          event.ended().reason(), event.ended().frames_durable());
     case v1::Event::kPrompt:
       return when + PromptText(event.prompt());
+    case v1::Event::kAlarm:
+      return fmt::format("{}ALARM {}", when, event.alarm().text());
     case v1::Event::kNote:
       return when + event.note();
     default:

@@ -71,14 +71,44 @@ Status DaemonClient::Stop(std::string_view reason) {
   return Call<v1::StopReply>(*state_->control, &v1::Control::Stub::Stop, request).status();
 }
 
-Status DaemonClient::Pause() {
-  return Call<v1::PauseReply>(*state_->control, &v1::Control::Stub::Pause, v1::PauseRequest())
+StatusOr<v1::RunReply> DaemonClient::Arm(std::string_view plan_toml, std::string_view plan_name) {
+  v1::RunRequest request;
+  request.set_plan_toml(std::string(plan_toml));
+  request.set_plan_name(std::string(plan_name));
+  return Call<v1::RunReply>(*state_->control, &v1::Control::Stub::Arm, request);
+}
+
+Status DaemonClient::Start() {
+  return Call<v1::StartReply>(*state_->control, &v1::Control::Stub::Start, v1::StartRequest())
       .status();
 }
 
-Status DaemonClient::Resume() {
-  return Call<v1::ResumeReply>(*state_->control, &v1::Control::Stub::Resume, v1::ResumeRequest())
+Status DaemonClient::Pause(bool now, std::string_view reason) {
+  v1::PauseRequest request;
+  request.set_now(now);
+  request.set_reason(std::string(reason));
+  return Call<v1::PauseReply>(*state_->control, &v1::Control::Stub::Pause, request).status();
+}
+
+Status DaemonClient::Continue() {
+  return Call<v1::ContinueReply>(*state_->control, &v1::Control::Stub::Continue,
+                                 v1::ContinueRequest())
       .status();
+}
+
+Status DaemonClient::Abort(std::string_view reason) {
+  v1::AbortRequest request;
+  request.set_reason(std::string(reason));
+  return Call<v1::AbortReply>(*state_->control, &v1::Control::Stub::Abort, request).status();
+}
+
+Status DaemonClient::Reset() {
+  return Call<v1::ResetReply>(*state_->control, &v1::Control::Stub::Reset, v1::ResetRequest())
+      .status();
+}
+
+StatusOr<v1::RunReply> DaemonClient::ResumeSession(const v1::ResumeSessionRequest& request) {
+  return Call<v1::RunReply>(*state_->control, &v1::Control::Stub::ResumeSession, request);
 }
 
 Status DaemonClient::Acknowledge(uint32_t prompt_id) {

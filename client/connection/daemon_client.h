@@ -24,8 +24,13 @@ class DaemonClient {
   StatusOr<v1::RunReply> Run(std::string_view plan_toml, std::string_view plan_name);
   StatusOr<v1::StatusReply> GetStatus();
   Status Stop(std::string_view reason);
-  Status Pause();
-  Status Resume();
+  StatusOr<v1::RunReply> Arm(std::string_view plan_toml, std::string_view plan_name);
+  Status Start();
+  Status Pause(bool now, std::string_view reason);
+  Status Continue();
+  Status Abort(std::string_view reason);
+  Status Reset();
+  StatusOr<v1::RunReply> ResumeSession(const v1::ResumeSessionRequest& request);
   // The operator has done what this prompt asks for.
   Status Acknowledge(uint32_t prompt_id);
   StatusOr<v1::ListSessionsReply> ListSessions();

@@ -45,8 +45,7 @@ class Signals {
 };
 
 bool Runs(const Sequencer& sequencer) {
-  const SequencerState state = sequencer.GetStatus().state;
-  return state == SequencerState::kRunning || state == SequencerState::kStopping;
+  return InSession(sequencer.GetStatus().state);
 }
 
 // Whatever hangs: lamps have a communication-loss timeout, drives a heartbeat, and the ledger

@@ -2,7 +2,7 @@
 
 namespace mesorig::daemon {
 
-Status OperatorDesk::Ask(std::string text, std::string mount, const std::function<void()>& posted) {
+Status OperatorDesk::Ask(std::string text, std::string mount, const std::function<bool()>& posted) {
   MESORIG_RETURN_IF_ERROR(stop_.Check());  // nobody is sent to a rig that comes to rest
   chain_.BeginVisit();
   clock_.Change([&] {
@@ -12,12 +12,18 @@ Status OperatorDesk::Ask(std::string text, std::string mount, const std::functio
     prompt.mount = std::move(mount);
     prompt_ = std::move(prompt);
   });
-  posted();
-  const Status waited = stop_.Wait(kNever, [&] {
-    const InterlockChain::Visit visit = chain_.VisitInsideChange();
-    return prompt_->acknowledged && visit.door_cycled && visit.reset;
+  Status waited = Cancelled("the plan pauses before the operator is asked");
+  const bool asked = posted();
+  if (asked) {
+    waited = stop_.Wait(kNever, [&] {
+      const InterlockChain::Visit visit = chain_.VisitInsideChange();
+      return prompt_->acknowledged && visit.door_cycled && visit.reset;
+    });
+  }
+  clock_.Change([&] {
+    prompt_.reset();
+    hands_ = asked && !waited.ok();
   });
-  clock_.Change([&] { prompt_.reset(); });
   return waited;
 }
 
@@ -48,8 +54,17 @@ std::optional<OperatorPrompt> OperatorDesk::current() const {
   return prompt;
 }
 
+bool OperatorDesk::hands_in_the_rig() const {
+  bool hands = false;
+  clock_.Read([&] { hands = hands_; });
+  return hands;
+}
+
 void OperatorDesk::BeginSession() {
-  clock_.Change([&] { last_id_ = 0; });
+  clock_.Change([&] {
+    last_id_ = 0;
+    hands_ = false;
+  });
 }
 
 }  // namespace mesorig::daemon

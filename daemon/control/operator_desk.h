@@ -24,12 +24,15 @@ class OperatorDesk {
   OperatorDesk(RigClock& clock, InterlockChain& chain, const StopFlag& stop)
       : clock_(clock), chain_(chain), stop_(stop) {}
 
-  // On the sequencer's thread. `posted` is called once the prompt stands. Blocks until the operator
-  // has acknowledged, cycled the door and pressed reset, or somebody said stop (Cancelled).
-  Status Ask(std::string text, std::string mount, const std::function<void()>& posted);
+  // On the sequencer's thread. `posted` is called once the prompt stands; false takes it back
+  // (Cancelled). Blocks until the operator has acknowledged, cycled the door and pressed reset, or
+  // somebody said stop (Cancelled).
+  Status Ask(std::string text, std::string mount, const std::function<bool()>& posted);
   // FailedPrecondition when nothing is asked, or something else.
   Status Acknowledge(uint32_t id);
   std::optional<OperatorPrompt> current() const;
+  // Somebody was asked, and a command ended that before the rig said that the hands are out.
+  bool hands_in_the_rig() const;
   void BeginSession();  // ids count from 1 again
 
  private:
@@ -39,6 +42,7 @@ class OperatorDesk {
   // Guarded by the clock's lock:
   uint32_t last_id_ = 0;
   std::optional<OperatorPrompt> prompt_;
+  bool hands_ = false;
 };
 
 }  // namespace mesorig::daemon

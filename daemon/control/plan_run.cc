@@ -1,187 +1,222 @@
 #include "daemon/control/plan_run.h"
 
 #include <algorithm>
-#include <cmath>
 
-#include "protocol/base/log.h"
+#include "daemon/control/metering.h"
+#include "daemon/control/operator_visit.h"
+#include "daemon/control/picture.h"
 
 namespace mesorig::daemon {
 namespace {
 
-constexpr double kMoveMargin_s = 5;
-constexpr double kHomingMargin_s = 30;
-constexpr double kFrameMargin_s = 0.5;
 constexpr int kShotAttempts = 3;
-// Light is steady: this near to full (or to dark), and two readings this near to each other.
-constexpr double kSteadyLevel = 0.002, kSteadyChange = 0.001;
-constexpr int kPollsPerSettle = 8, kSettleTimes = 4;
-// A lamp that lost this much between settling and the shot went off (supply, communication loss).
-constexpr double kLostLevel = 0.02;
+constexpr int kPasses = 3;
+constexpr double kReferenceLimit = 0.05;
 
 }  // namespace
 
-Status PlanRun::Run() {
-  MESORIG_RETURN_IF_ERROR(Prepare());
-  for (const Step& step : plan_.steps) {
-    MESORIG_RETURN_IF_ERROR(context_.chain.Check());
-    context_.board.SetChain(context_.chain.levels());
-    MESORIG_RETURN_IF_ERROR(context_.devices.stop->Check());
-    if (plan_.sweeps > 0 && LaserReady()) {
-      MESORIG_RETURN_IF_ERROR(context_.devices.laser->KeepAlive());
-    }
-    MESORIG_RETURN_IF_ERROR(RunStep(step));
+PlanRun::PlanRun(const RunContext& context, ReferenceCheck reference)
+    : context_(context),
+      stance_(context),
+      cameras_(context),
+      power_(context, stance_, cameras_),
+      book_(context),
+      sweeps_(context, stance_, cameras_, book_),
+      reference_(reference) {}
+
+// What the session says when it will take frames again once the disk does.
+bool PlanRun::DiskTakesNothing(const Status& status) const {
+  return (absl::IsUnavailable(status) || absl::IsResourceExhausted(status)) &&
+         !context_.session.Storage().ok();
+}
+
+RunResult PlanRun::Go() {
+  end_.reset();
+  book_.TrySession();
+  Status status = SafeStep();  // before anything is switched on
+  if (status.ok()) status = AllPasses();
+  if (status.ok() && !end_) return {};
+  if (book_.session_broken()) {
+    end_ = DiskTakesNothing(status) ? RunEnd::kStorage : RunEnd::kSession;
   }
-  return WindDown();
+  return {end_.value_or(RunEnd::kFailed), status};
+}
+
+// Frames that turn out damaged on the disk are taken again.
+Status PlanRun::AllPasses() {
+  bool up = false;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    if (book_.ShotsOwed() > 0) {
+      if (!up) MESORIG_RETURN_IF_ERROR(Prepare());
+      up = true;
+      MESORIG_RETURN_IF_ERROR(Walk());
+      if (end_) return OkStatus();
+    }
+    Status written = context_.session.Flush();
+    if (written.ok()) {
+      const auto damaged = context_.session.DropDamaged();
+      written = damaged.status();
+      if (damaged.ok() && *damaged > 0) {
+        context_.on_note(fmt::format("{} frames are damaged on the disk", *damaged));
+      }
+    }
+    if (!written.ok()) {
+      end_ = DiskTakesNothing(written) ? RunEnd::kStorage : RunEnd::kSession;
+      return written;
+    }
+    book_.Recount();
+    if (book_.ShotsOwed() == 0) return up ? power_.Down() : OkStatus();
+  }
+  end_ = RunEnd::kSession;
+  return DataLoss("{} shots miss frames still, after {} passes over the plan", book_.ShotsOwed(),
+                  kPasses);
 }
 
 Status PlanRun::Prepare() {
-  MESORIG_RETURN_IF_ERROR(context_.chain.Check());
-  context_.board.SetChain(context_.chain.levels());
-  MESORIG_RETURN_IF_ERROR(context_.devices.lamps->Open());
-  MESORIG_RETURN_IF_ERROR(context_.devices.lamps->AllOff());
-  for (Camera* camera : context_.devices.cameras) MESORIG_RETURN_IF_ERROR(camera->Open());
-  camera_settings_.assign(context_.devices.cameras.size(), {});
-  // A plan that never sweeps needs no laser.
-  if (plan_.sweeps > 0 && LaserReady()) MESORIG_RETURN_IF_ERROR(context_.devices.laser->Open());
-  for (Axis* axis : context_.devices.axes) MESORIG_RETURN_IF_ERROR(axis->Enable());
-  return HomeAxes();
-}
-
-Status PlanRun::HomeAxes() {
-  std::vector<size_t> homing;
-  for (size_t i = 0; i < context_.devices.axes.size(); ++i) {
-    if (context_.devices.axes[i]->Read().referenced) continue;
-    MESORIG_RETURN_IF_ERROR(context_.devices.axes[i]->StartHoming());
-    homing.push_back(i);
-  }
   const RigTime start = context_.clock.Now();
-  for (const size_t i : homing) {
-    const mesorig::Axis& axis = context_.rig.axes[i];
-    // At worst over the whole range and back.
-    const double seconds = 2 * (axis.max_rad - axis.min_rad) / axis.homing_velocity_rad_s;
-    const RigTime deadline = start + FromSeconds(seconds + kHomingMargin_s);
-    MESORIG_RETURN_IF_ERROR(context_.devices.axes[i]->AwaitHoming(deadline));
+  // A kill may have moved the axes of a session that is resumed.
+  const bool all = reference_.wanted && !homed_all_;
+  Status status = power_.Up(all ? HomeWhich::kAll : HomeWhich::kUnreferenced);
+  if (status.ok()) {
+    homed_all_ = true;
+    if (!failure_.empty()) status = book_.Record(JournalKind::kRecovered, -1, 0, failure_);
+    failure_.clear();
   }
-  ReadAxes();
-  return OkStatus();
+  if (status.ok() && reference_.wanted) status = CheckReference();
+  preparation_s_ += Seconds(context_.clock.Now() - start);
+  return status;
 }
 
-Status PlanRun::RunStep(const Step& step) {
+void PlanRun::Fold(const Step& step, Place& place) {
   switch (step.kind) {
     case StepKind::kMoveAxes:
-      return MoveAxes(step);
+      place.stance.axis_rad = step.axis_rad;
+      place.stance.settle_s = step.settle_s;
+      return;
     case StepKind::kLamp:
-      return SwitchLamp(step.lamp);
-    case StepKind::kShot:
-      return Shoot(step);
+      place.stance.lamp = step.lamp;
+      return;
     case StepKind::kMount:
-      return Mount(step.sweep.mount);
-    case StepKind::kSweep:
-      return RunSweep(step);
+      place.mount = step.sweep.mount;
+      return;
     case StepKind::kPrompt:
+      place.prompt = &step;
+      return;
+    case StepKind::kShot:
+    case StepKind::kSweep:
     case StepKind::kMeter:
-      return Unimplemented("plan {}: prompts and metering", plan_.name);
+      return;
   }
-  return Internal("plan {}: a step of unknown kind {}", plan_.name, static_cast<int>(step.kind));
 }
 
-std::vector<double> PlanRun::ReadAxes() {
-  std::vector<double> positions;
-  for (size_t i = 0; i < context_.devices.axes.size(); ++i) {
-    const AxisReading reading = context_.devices.axes[i]->Read();
-    context_.board.SetAxis(i, reading);
-    positions.push_back(reading.position_rad);
-  }
-  return positions;
+bool PlanRun::Wants(const Step& step) const {
+  if (step.kind != StepKind::kMeter) return book_.OwesAnything(step);
+  if (context_.session.MeteredExposure(step.meter)) return false;
+  return std::any_of(
+      context_.plan.steps.begin(), context_.plan.steps.end(),
+      [&](const Step& shot) { return shot.meter == step.meter && book_.OwesAnything(shot); });
 }
 
-Status PlanRun::MoveAxes(const Step& step) {
-  const auto& axes = context_.devices.axes;
-  std::vector<RigTime> deadlines;
-  for (size_t i = 0; i < axes.size(); ++i) {
-    const double distance = step.axis_rad[i] - axes[i]->Read().position_rad;
-    MESORIG_RETURN_IF_ERROR(axes[i]->StartMove(step.axis_rad[i]));
-    deadlines.push_back(context_.clock.Now() +
-                        FromSeconds(MoveSeconds(context_.rig.axes[i], distance) + kMoveMargin_s));
-  }
-  for (size_t i = 0; i < axes.size(); ++i) {
-    MESORIG_RETURN_IF_ERROR(axes[i]->AwaitMove(deadlines[i]));
-  }
-  ReadAxes();
-  return OkStatus();
-}
-
-StatusOr<std::vector<double>> PlanRun::ReadLevels() {
-  MESORIG_ASSIGN_OR_RETURN(auto levels, context_.devices.lamps->ReadLevels());
-  if (levels.size() != context_.rig.lamps.size()) {
-    return Internal("lamp bank: {} levels of {} lamps", levels.size(), context_.rig.lamps.size());
-  }
-  context_.board.SetLevels(levels, context_.clock.Now());
-  return levels;
-}
-
-bool PlanRun::Steady(const std::vector<double>& levels) const {
-  if (levels.size() != context_.rig.lamps.size()) return false;  // no reading yet
-  for (size_t i = 0; i < levels.size(); ++i) {
-    const double wanted = static_cast<int>(i) == lamp_ ? 1 : 0;
-    if (!(std::abs(levels[i] - wanted) <= kSteadyLevel)) return false;
-  }
-  return true;
-}
-
-// Measures instead of sleeping: steady light has had the rig's settling time, and two readings in a
-// row say that it is there.
-Status PlanRun::SwitchLamp(int lamp) {
-  const auto& lamps = context_.rig.lamps;
-  lamp_ = lamp;
-  MESORIG_RETURN_IF_ERROR(context_.devices.lamps->SwitchTo(lamp < 0 ? -1 : lamps[lamp].channel));
-  double settle_s = 0;  // lamps that go off count too
-  for (const auto& each : lamps) settle_s = std::max(settle_s, each.settle_s);
-  const RigTime start = context_.clock.Now();
-  std::vector<double> last, levels;
-  for (int poll = 1; poll <= kPollsPerSettle * kSettleTimes; ++poll) {
-    const RigTime next = start + FromSeconds(settle_s * poll / kPollsPerSettle);
-    const Status waited = context_.devices.stop->Wait(next, [] { return false; });
-    if (absl::IsCancelled(waited)) return waited;
-    last = std::move(levels);
-    MESORIG_ASSIGN_OR_RETURN(levels, ReadLevels());
-    if (poll < kPollsPerSettle || !Steady(levels) || !Steady(last)) continue;
-    double change = 0;
-    for (size_t i = 0; i < levels.size(); ++i) {
-      change = std::max(change, std::abs(levels[i] - last[i]));
+Status PlanRun::Walk() {
+  Place place;
+  for (size_t i = 0; i < context_.plan.steps.size(); ++i) {
+    const Step& step = context_.plan.steps[i];
+    Fold(step, place);
+    if (!Wants(step)) continue;
+    MESORIG_RETURN_IF_ERROR(SafeStep());
+    if (end_) return OkStatus();
+    if (NeedsVisit(step, place)) {
+      MESORIG_RETURN_IF_ERROR(Visit(step, place));
+      MESORIG_RETURN_IF_ERROR(SafeStep());
+      if (end_) return OkStatus();
     }
-    if (change <= kSteadyChange) return OkStatus();
-  }
-  std::string read_back;
-  for (const double level : levels) read_back += fmt::format(" {:.3f}", level);
-  return Unavailable("{}: light not steady after {:.3f} s; levels read back:{}",
-                     lamp < 0 ? "all lamps off" : "lamp " + lamps[lamp].name,
-                     settle_s * kSettleTimes, read_back);
-}
-
-Status PlanRun::ConfigureCameras(const Step& step) {
-  for (size_t k = 0; k < step.cameras.size(); ++k) {
-    const int camera = step.cameras[k];
-    const CameraSetting setting{step.exposure_s, step.kind == StepKind::kSweep
-                                                     ? step.sweep.regions[k]
-                                                     : context_.rig.cameras[camera].full_region()};
-    if (camera_settings_[camera] == setting) continue;
-    MESORIG_RETURN_IF_ERROR(
-        context_.devices.cameras[camera]->Configure(setting.exposure_s, setting.region, 0));
-    camera_settings_[camera] = setting;
+    MESORIG_RETURN_IF_ERROR(TakeStep(i, place));
   }
   return OkStatus();
 }
 
-Status PlanRun::Shoot(const Step& step) {
-  MESORIG_RETURN_IF_ERROR(ConfigureCameras(step));
-  std::vector<int> pending = step.cameras;
+// Between shots: here a run may pause.
+Status PlanRun::SafeStep() {
+  MESORIG_RETURN_IF_ERROR(context_.chain.Check());
+  context_.board.SetChain(context_.chain.levels());
+  MESORIG_RETURN_IF_ERROR(context_.devices.stop->Check());
+  if (context_.machine.order() == RunOrder::kPause) end_ = RunEnd::kPause;
+  if (const Status storage = context_.session.Storage(); !end_ && !storage.ok()) {
+    end_ = RunEnd::kStorage;
+    return storage;
+  }
+  if (!end_ && homed_all_ && context_.sweeps()) return context_.devices.laser->KeepAlive();
+  return OkStatus();
+}
+
+bool PlanRun::NeedsVisit(const Step& step, const Place& place) const {
+  if (place.prompt != nullptr && place.prompt != answered_) return true;
+  return step.kind == StepKind::kSweep && place.mount != mount_;
+}
+
+Status PlanRun::Visit(const Step& step, const Place& place) {
+  if (place.prompt != nullptr && place.prompt != answered_) {
+    MESORIG_RETURN_IF_ERROR(book_.Record(JournalKind::kPrompt, -1, 0, place.prompt->text));
+    MESORIG_RETURN_IF_ERROR(VisitRig(context_, power_, cameras_, place.prompt->text, ""));
+    answered_ = place.prompt;
+    MESORIG_RETURN_IF_ERROR(book_.Record(JournalKind::kContinued, -1, 0, place.prompt->text));
+  }
+  if (step.kind != StepKind::kSweep || place.mount == mount_) return OkStatus();
+  if (!context_.has_laser()) {
+    end_ = RunEnd::kRefused;
+    return FailedPrecondition("plan {}: the rig has no laser unit", context_.plan.name);
+  }
+  const std::string& name = context_.rig.laser->mounts[place.mount].name;
+  mount_ = -1;
+  MESORIG_RETURN_IF_ERROR(book_.Record(JournalKind::kPrompt, place.mount, 0, name));
+  MESORIG_RETURN_IF_ERROR(VisitRig(
+      context_, power_, cameras_,
+      fmt::format("Mount the laser at \"{}\" and line its stripe up with the turntable's centre. "
+                  "Then close the door and press reset.",
+                  name),
+      name));
+  MESORIG_RETURN_IF_ERROR(context_.devices.laser->Open());
+  MESORIG_RETURN_IF_ERROR(context_.devices.laser->MarkZero());
+  mount_ = place.mount;
+  return book_.Record(JournalKind::kContinued, place.mount, 0, name);
+}
+
+Status PlanRun::TakeStep(size_t index, const Place& place) {
+  const Step& step = context_.plan.steps[index];
+  if (step.kind == StepKind::kShot) return TakeShot(index, place);
+  if (step.kind == StepKind::kMeter) {
+    MESORIG_RETURN_IF_ERROR(stance_.Reach(place.stance));
+    return Meter(context_, cameras_, book_, step);
+  }
+  if (step.sweep.mount != mount_) {
+    end_ = RunEnd::kRefused;
+    return FailedPrecondition("plan {}: sweep {} is of mount {}, the laser is at {}",
+                              context_.plan.name, step.sweep.index, step.sweep.mount, mount_);
+  }
+  MESORIG_RETURN_IF_ERROR(stance_.Reach(place.stance));
+  return sweeps_.Take(step);
+}
+
+StatusOr<double> PlanRun::ExposureOf(const Step& step) const {
+  if (step.meter < 0) return step.exposure_s;
+  const auto metered = context_.session.MeteredExposure(step.meter);
+  if (metered) return *metered;
+  return InvalidArgument("plan {}: shot {} takes the exposure of metering {}, which never ran",
+                         context_.plan.name, step.shot, step.meter);
+}
+
+Status PlanRun::TakeShot(size_t index, const Place& place) {
+  const Step& step = context_.plan.steps[index];
+  MESORIG_ASSIGN_OR_RETURN(const double exposure_s, ExposureOf(step));
+  MESORIG_RETURN_IF_ERROR(cameras_.Configure(step.cameras, exposure_s, {}, step.repeat));
+  std::vector<int> pending = book_.Owed(step);
+  MESORIG_RETURN_IF_ERROR(stance_.Begin(place.stance));
+  MESORIG_RETURN_IF_ERROR(cameras_.WarmUp(pending));
   Status missing;
   for (int attempt = 0; attempt < kShotAttempts; ++attempt) {
-    MESORIG_RETURN_IF_ERROR(ShootOnce(step, pending, missing));
+    MESORIG_RETURN_IF_ERROR(ShootOnce(index, place, exposure_s, pending, missing));
     if (pending.empty()) {
-      ++progress_.shots_done;
-      context_.on_progress(progress_);
+      book_.ShotDone();
       return OkStatus();
     }
     context_.on_note(
@@ -191,94 +226,92 @@ Status PlanRun::Shoot(const Step& step) {
                      Message(missing));
 }
 
-Status PlanRun::ShootOnce(const Step& step, std::vector<int>& cameras, Status& missing) {
-  axis_rad_ = ReadAxes();
-  MESORIG_ASSIGN_OR_RETURN(lamp_level_, ReadLevels());
-  if (lamp_ >= 0 && lamp_level_[lamp_] < 1 - kLostLevel) {
-    return Unavailable("lamp {}: level {:.3f} at shot {}, 1 wanted", context_.rig.lamps[lamp_].name,
-                       lamp_level_[lamp_], step.shot);
-  }
-  MESORIG_RETURN_IF_ERROR(TriggerAll(cameras));
-  double readout_s = 0;
-  for (const int camera : cameras) {
-    readout_s = std::max(readout_s, context_.rig.cameras[camera].readout_s);
-  }
-  const RigTime deadline =
-      context_.clock.Now() + FromSeconds(step.exposure_s + readout_s + kFrameMargin_s);
-  return CollectFrames(deadline, cameras, missing, [&](int camera, const CapturedFrame& frame) {
-    return MakeRecord(step, camera, frame);
-  });
-}
-
-// Nothing waits between these: one instant.
-Status PlanRun::TriggerAll(const std::vector<int>& cameras) {
-  ++last_trigger_;
-  for (const int camera : cameras) {
-    MESORIG_RETURN_IF_ERROR(context_.devices.cameras[camera]->Trigger(last_trigger_));
-  }
-  return OkStatus();
-}
-
-Status PlanRun::CollectFrames(RigTime deadline, std::vector<int>& cameras, Status& missing,
-                              const RecordMaker& make_record) {
-  std::vector<int> owing;
-  for (const int camera : cameras) {
-    auto frame = context_.devices.cameras[camera]->Await(last_trigger_, deadline);
-    if (absl::IsDeadlineExceeded(frame.status())) {
-      missing = frame.status();
-      owing.push_back(camera);
-      continue;
-    }
-    if (!frame.ok()) return frame.status();
-    MESORIG_RETURN_IF_ERROR(session_.Append(make_record(camera, *frame), frame->pixels));
-    ++progress_.frames;
-  }
-  cameras = std::move(owing);
-  return OkStatus();
-}
-
-FrameRecord PlanRun::MakeRecord(const Step& step, int camera, const CapturedFrame& frame) const {
-  FrameRecord record;
-  record.camera = camera;
-  record.shot = step.shot;
-  record.trigger_id = frame.trigger_id;
-  record.frame_id = frame.frame_id;
-  record.exposure_start_ns = frame.exposure_start.count();
-  record.exposure_end_ns = frame.exposure_end.count();
-  record.exposure_s = step.exposure_s;
-  record.axis_rad = axis_rad_;
-  record.lamp_level = lamp_level_;
-  record.width = frame.width;
-  record.height = frame.height;
-  record.bits = frame.bits;
-  record.region_x = camera_settings_[camera].region.x;
-  record.region_y = camera_settings_[camera].region.y;
-  return record;
-}
-
-Status PlanRun::WindDown() {
-  if (context_.gate != nullptr) MESORIG_RETURN_IF_ERROR(context_.gate->Close());
-  MESORIG_RETURN_IF_ERROR(context_.devices.lamps->AllOff());
-  lamp_ = -1;
-  for (Axis* axis : context_.devices.axes) MESORIG_RETURN_IF_ERROR(axis->Disable());
-  ReadAxes();
-  return ReadLevels().status();
-}
-
-void PlanRun::MakeSafe() {
-  const auto note = [&](std::string_view what, const Status& status) {
-    if (status.ok()) return;
-    spdlog::error("{}: {}", what, Message(status));
-    context_.on_note(fmt::format("{}: {}", what, Message(status)));
+Status PlanRun::ShootOnce(size_t index, const Place& place, double exposure_s,
+                          std::vector<int>& cameras, Status& missing) {
+  const Step& step = context_.plan.steps[index];
+  MESORIG_RETURN_IF_ERROR(stance_.Reach(place.stance));
+  MESORIG_ASSIGN_OR_RETURN(auto levels, stance_.ReadLevels());
+  MESORIG_RETURN_IF_ERROR(stance_.CheckLit(levels));
+  book_.SetReadBack(stance_.ReadAxes(), std::move(levels));
+  MESORIG_RETURN_IF_ERROR(cameras_.Trigger(cameras));
+  const RigTime deadline = cameras_.Deadline(cameras);
+  const Status exposed =
+      context_.devices.stop->Wait(cameras_.ExposureEnd(cameras), [] { return false; });
+  if (absl::IsCancelled(exposed)) return exposed;
+  // From here on the rig is on its way to the next shot, while the cameras read out.
+  const Status approach = ApproachNext(index, place);
+  const auto take = [&](int camera, const CapturedFrame& frame) {
+    const Status kept = book_.Append(
+        book_.MakeRecord(step, exposure_s, cameras_.region(camera), frame, camera), frame);
+    return kept.ok() ? book_.Judge(step, place.stance.lamp, camera, frame) : kept;
   };
-  if (context_.gate != nullptr) context_.gate->Shut();  // the one-shot does the rest
-  note("lamps off", context_.devices.lamps->AllOff());
-  // All of them first: a drive that does not answer must not delay the next one's stop.
-  for (Axis* axis : context_.devices.axes) note("quick stop", axis->QuickStop());
-  for (Axis* axis : context_.devices.axes) note("torque off", axis->Disable());
-  if (plan_.sweeps > 0 && LaserReady()) note("laser's motor off", context_.devices.laser->Stop());
-  ReadAxes();
-  note("reading lamps", ReadLevels().status());
+  MESORIG_RETURN_IF_ERROR(cameras_.Collect(deadline, cameras, missing, take));
+  return approach;
+}
+
+Status PlanRun::ApproachNext(size_t index, Place place) {
+  if (context_.machine.order() != RunOrder::kNone) return OkStatus();
+  for (size_t i = index + 1; i < context_.plan.steps.size(); ++i) {
+    const Step& step = context_.plan.steps[i];
+    Fold(step, place);
+    if (!Wants(step)) continue;
+    return NeedsVisit(step, place) ? OkStatus() : stance_.Begin(place.stance);
+  }
+  return OkStatus();
+}
+
+// The rig and the sample are still what they were: the last frame, taken again, looks the same.
+Status PlanRun::CheckReference() {
+  MESORIG_ASSIGN_OR_RETURN(const auto reference, context_.session.Reference());
+  Place place;
+  for (const Step& step : context_.plan.steps) {
+    if (!reference) break;
+    Fold(step, place);
+    if (step.kind != StepKind::kShot || step.shot != reference->record.shot) continue;
+    if (step.purpose != Purpose::kData) break;  // the operator's hands would be needed
+    MESORIG_RETURN_IF_ERROR(ShootReference(step, place, *reference));
+    reference_.wanted = false;
+    return OkStatus();
+  }
+  reference_.wanted = false;
+  context_.on_note("resumed without a reference: no frame of a lamp was there to compare with");
+  return OkStatus();
+}
+
+Status PlanRun::ShootReference(const Step& step, const Place& place, const StoredFrame& reference) {
+  const int camera = reference.record.camera;
+  const mesorig::Camera& description = context_.rig.cameras[camera];
+  std::vector<int> pending = {camera};
+  MESORIG_RETURN_IF_ERROR(
+      cameras_.Configure(pending, reference.record.exposure_s, {}, step.repeat));
+  MESORIG_RETURN_IF_ERROR(stance_.Begin(place.stance));
+  MESORIG_RETURN_IF_ERROR(cameras_.WarmUp(pending));
+  MESORIG_RETURN_IF_ERROR(stance_.Reach(place.stance));
+  Status missing;
+  StatusOr<double> difference = 0.0;
+  for (int attempt = 0; attempt < kShotAttempts && !pending.empty(); ++attempt) {
+    MESORIG_RETURN_IF_ERROR(cameras_.Trigger(pending));
+    MESORIG_RETURN_IF_ERROR(cameras_.Collect(cameras_.Deadline(pending), pending, missing,
+                                             [&](int, const CapturedFrame& frame) {
+                                               difference = RelativeDifference(
+                                                   description, *reference.pixels, *frame.pixels);
+                                               return difference.status();
+                                             }));
+  }
+  if (!pending.empty()) return missing;
+  MESORIG_RETURN_IF_ERROR(book_.Record(JournalKind::kReference, camera, *difference,
+                                       fmt::format("shot {}", step.shot)));
+  if (*difference < kReferenceLimit) return OkStatus();
+  const Status other = FailedPrecondition(
+      "reference frame (shot {}, camera {}): it differs from the one on the disk by {:.1f} %, "
+      "permitted is below {:.0f} %: is it the same sample, and does it lie as it did?",
+      step.shot, description.name, 100 * *difference, 100 * kReferenceLimit);
+  if (reference_.accept_any) {
+    context_.on_note(fmt::format("accepted by the operator: {}", Message(other)));
+    return OkStatus();
+  }
+  end_ = RunEnd::kRefused;
+  return other;
 }
 
 }  // namespace mesorig::daemon

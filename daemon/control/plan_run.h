@@ -1,98 +1,96 @@
 #pragma once
-// One run of one plan: rig ready, steps, rig at rest. Sweeps and prompts are in plan_run_laser.cc.
-// On the sequencer's thread, inside an activity of the rig clock.
+// One way through a plan's steps on the devices, from torque on to torque off: takes what the
+// session is missing, and nothing else. Runs again after a pause or a failure until nothing is
+// missing. On the sequencer's thread, inside an activity of the rig clock.
 
-#include <functional>
+#include <optional>
 #include <vector>
 
-#include "daemon/control/operator_desk.h"
-#include "daemon/control/reading_board.h"
-#include "daemon/control/sequencer.h"
-#include "daemon/safety/interlock_chain.h"
-#include "daemon/safety/laser_gate.h"
+#include "daemon/control/camera_array.h"
+#include "daemon/control/rig_power.h"
+#include "daemon/control/rig_stance.h"
+#include "daemon/control/run_context.h"
+#include "daemon/control/shot_book.h"
+#include "daemon/control/sweeps.h"
 
 namespace mesorig::daemon {
 
-struct RunProgress {
-  uint32_t shots_done = 0, frames = 0;
+// What a resumed session proves before it goes on.
+struct ReferenceCheck {
+  bool wanted = false;
+  bool accept_any = false;  // the operator has seen the difference and goes on regardless
 };
 
-// Borrows everything.
+// How a way through the plan ended.
+enum class RunEnd {
+  kDone,      // nothing is missing, everything is off
+  kPause,     // at a safe step, as ordered
+  kStorage,   // at a safe step: the disk takes nothing
+  kFailed,    // a device failed, or a command cut it short; what it needs is on somebody else
+  kRefused,   // going on is not permitted: the reference frame is another one, or the plan is wrong
+  kSession,   // the session takes nothing any more
+};
+
+struct RunResult {
+  RunEnd end = RunEnd::kDone;
+  Status status;  // not OK unless done or paused; Cancelled: the StopFlag is up
+};
+
+// Borrows the context.
 class PlanRun {
  public:
-  struct Context {
-    RigClock& clock;
-    const Rig& rig;
-    const Devices& devices;
-    InterlockChain& chain;
-    LaserGate* gate;  // null in a rig without a laser
-    OperatorDesk& desk;
-    RigClock::Activity& activity;  // of this run: suspended while the operator is asked
-    ReadingBoard& board;
-    std::function<void(const RunProgress&)> on_progress;  // after each shot
-    std::function<void(std::string)> on_note;
-    std::function<void(bool waiting)> on_wait;  // for the operator; and again when that is over
-  };
-  PlanRun(const Context& context, const CompiledPlan& plan, Session& session)
-      : context_(context), plan_(plan), session_(session) {}
+  PlanRun(const RunContext& context, ReferenceCheck reference);
 
-  // Everything from enabling the axes to lamps and torque off. On any error the caller calls
-  // MakeSafe. Cancelled: somebody said stop; FailedPrecondition: the chain is open; else the
-  // device's error.
-  Status Run();
-  // Lamps off, axes quick-stopped, then torque off. Goes on after each failure; what failed is
-  // logged and noted.
-  void MakeSafe();
+  // Unless it ends with kDone the caller calls MakeSafe.
+  RunResult Go();
+  void MakeSafe() { power_.MakeSafe(); }
+  // A device failed: that it is back is journaled once everything is up again.
+  void ExpectRecovery(std::string failure) { failure_ = std::move(failure); }
+  Status Park() { return power_.Park(); }
+  const RunProgress& progress() const { return book_.progress(); }
+  ShotBook& book() { return book_; }
+  // Rig time that opening, homing and the reference took, all of it.
+  double preparation_s() const { return preparation_s_; }
 
  private:
-  Status Prepare();
-  Status HomeAxes();
-  Status RunStep(const Step& step);
-  Status MoveAxes(const Step& step);
-  Status SwitchLamp(int lamp);
-  Status Shoot(const Step& step);
-  Status Mount(int mount);
-  Status AskForMount(int mount);
-  Status RunSweep(const Step& step);
-  Status WindDown();
-
-  // Sets exposure and region of those cameras that have other ones.
-  Status ConfigureCameras(const Step& step);
-  // What a sweep owes: per frame the cameras whose picture is still missing.
-  using Owed = std::vector<std::vector<int>>;
-  Status SweepOnce(const Step& step, Owed& owed, Status& missing);
-  Status ShootSweepFrames(const Step& step, double rate_rad_s, Owed& owed, Status& missing);
-  Status ShootSweepFrame(const Step& step, uint32_t index, RigTime deadline,
-                         std::vector<int>& cameras, Status& missing);
-  // One trigger of `cameras` in one instant; appends what came and leaves in `cameras` who owes a
-  // frame.
-  Status ShootOnce(const Step& step, std::vector<int>& cameras, Status& missing);
-  Status TriggerAll(const std::vector<int>& cameras);
-  // The frames of the last trigger, appended to the session; `cameras` are left with those whose
-  // frame did not come, `missing` says why.
-  using RecordMaker = std::function<FrameRecord(int camera, const CapturedFrame& frame)>;
-  Status CollectFrames(RigTime deadline, std::vector<int>& cameras, Status& missing,
-                       const RecordMaker& make_record);
-  StatusOr<std::vector<double>> ReadLevels();
-  bool Steady(const std::vector<double>& levels) const;
-  std::vector<double> ReadAxes();
-  FrameRecord MakeRecord(const Step& step, int camera, const CapturedFrame& frame) const;
-  bool LaserReady() const { return context_.devices.laser != nullptr && context_.gate != nullptr; }
-
-  const Context& context_;
-  const CompiledPlan& plan_;
-  Session& session_;
-  RunProgress progress_;
-  int lamp_ = -1;  // index into Rig::lamps that should shine
-  uint32_t last_trigger_ = 0;
-  struct CameraSetting {
-    double exposure_s = 0;  // 0: not configured
-    Region region;
-    friend bool operator==(const CameraSetting&, const CameraSetting&) = default;
+  // The plan's wanted state, folded from its steps up to one of them.
+  struct Place {
+    Stance stance;
+    int mount = -1;                // the laser's; -1: none
+    const Step* prompt = nullptr;  // the last one passed
   };
-  std::vector<CameraSetting> camera_settings_;
-  int mount_ = -1;                             // where the operator put the laser in this run
-  std::vector<double> axis_rad_, lamp_level_;  // read back for the shot under way
+  static void Fold(const Step& step, Place& place);
+  bool NeedsVisit(const Step& step, const Place& place) const;
+  bool Wants(const Step& step) const;  // frames, or an exposure, are missing
+
+  Status Walk();
+  Status TakeStep(size_t index, const Place& place);
+  Status Prepare();
+  Status CheckReference();
+  Status ShootReference(const Step& step, const Place& place, const StoredFrame& reference);
+  Status SafeStep();
+  Status Visit(const Step& step, const Place& place);
+  StatusOr<double> ExposureOf(const Step& step) const;
+  Status TakeShot(size_t index, const Place& place);
+  Status ShootOnce(size_t index, const Place& place, double exposure_s, std::vector<int>& cameras,
+                   Status& missing);
+  Status ApproachNext(size_t index, Place place);
+  Status AllPasses();
+  bool DiskTakesNothing(const Status& status) const;
+
+  const RunContext& context_;
+  RigStance stance_;
+  CameraArray cameras_;
+  RigPower power_;
+  ShotBook book_;
+  Sweeps sweeps_;
+  ReferenceCheck reference_;
+  std::string failure_;  // that is to be recovered from
+  bool homed_all_ = false;
+  int mount_ = -1;                 // where the operator put the laser in this run
+  const Step* answered_ = nullptr;  // the prompt whose request the rig stands in
+  std::optional<RunEnd> end_;      // why a walk ended, when it is not a device
+  double preparation_s_ = 0;
 };
 
 }  // namespace mesorig::daemon

@@ -6,8 +6,10 @@
 #include <optional>
 #include <utility>
 
-#include "daemon/control/plan_run.h"
 #include "daemon/control/reading_board.h"
+#include "daemon/control/run_context.h"
+#include "daemon/control/session_run.h"
+#include "daemon/control/state_machine.h"
 #include "daemon/device/rig_thread.h"
 #include "protocol/base/check.h"
 #include "protocol/base/log.h"
@@ -17,11 +19,7 @@ namespace mesorig::daemon {
 namespace {
 
 using HostClock = std::chrono::steady_clock;
-
-bool Runs(SequencerState state) {
-  return state == SequencerState::kRunning || state == SequencerState::kWaiting ||
-         state == SequencerState::kStopping;
-}
+using Kind = SequencerEvent::Kind;
 
 constexpr RigTime kIdleRefresh{1'000'000'000};
 
@@ -30,46 +28,51 @@ class SequencerImpl final : public Sequencer {
   SequencerImpl(RigClock& clock, const Rig& rig, Devices devices,
                 std::function<bool()> deterministic);
   ~SequencerImpl() override;
-  Status Start(CompiledPlan plan, std::shared_ptr<Session> session) override;
+  Status CheckBegin(SequencerCommand how, const CompiledPlan& plan) override;
+  Status Begin(SequencerCommand how, SessionJob job) override;
+  Status Command(SequencerCommand command, std::string_view reason) override;
   Status Stop(std::string_view reason) override;
-  Status Acknowledge(uint32_t prompt_id) override { return desk_.Acknowledge(prompt_id); }
+  Status Acknowledge(uint32_t prompt_id) override;
   SequencerStatus GetStatus() const override;
   void OnEvent(std::function<void(const SequencerEvent&)> listener) override;
 
  private:
-  struct Job {
-    CompiledPlan plan;
-    std::shared_ptr<Session> session;  // shared with those who read it while it grows
-  };
   struct Times {
-    RigTime rig_start{};
+    RigTime start{};
     HostClock::time_point wall_start;
-    double virtual_s = 0, wall_s = 0;
+    double virtual_s = 0, wall_s = 0, preparation_s = 0;
   };
+  void ReadClocks(Times& times) const;
   void Loop();
-  void RunJob(const Job& job);
-  Status RunInActivity(const Job& job, Times& times);
-  Status EndSession(const Job& job, const Status& run, const Times& times);
-  void SetState(SequencerState state, std::string_view message);
-  void Emit(SequencerEvent::Kind kind, std::string_view text,
+  void RunJob(const SessionJob& job);
+  // False: it was told to end before it began; `why` says.
+  bool AwaitStart(Status& why);
+  Status RunInActivity(const SessionJob& job, Times& times);
+  RunContext MakeContext(const SessionJob& job, RigClock::Activity& activity, Times& times);
+  void EndIncomplete(const SessionJob& job, const Status& why, const Times& times);
+  void Emit(Kind kind, std::string_view text,
             const std::function<void(SequencerEvent&)>& fill = nullptr);
-  void OnWait(bool waiting);
+  void OnProgress(const SessionJob& job, const RunProgress& progress);
+  bool OnWait(bool waiting);
   void RefreshIdleReadings();
 
   RigClock& clock_;
   const Rig& rig_;
   const Devices devices_;
   const std::function<bool()> deterministic_;
+  StateMachine machine_;
   InterlockChain chain_;
   std::optional<LaserGate> gate_;  // in a rig with a laser
   OperatorDesk desk_;
   ReadingBoard board_;
   std::atomic<uint32_t> frames_durable_{0};
   // Guarded by the clock's lock:
-  std::optional<Job> job_;
+  std::optional<SessionJob> job_;
   bool closing_ = false;
-  SequencerStatus status_;
+  SequencerStatus status_;             // but for what the machine and the board hold
+  std::weak_ptr<Session> session_;     // of the run under way
   RigTime run_started_{};
+  bool finished_ = false;  // the end is written; of the sequencer's thread
 
   mutable Mutex listener_mutex_;
   std::function<void(const SequencerEvent&)> listener_ GUARDED_BY(listener_mutex_);
@@ -82,6 +85,7 @@ SequencerImpl::SequencerImpl(RigClock& clock, const Rig& rig, Devices devices,
       rig_(rig),
       devices_(std::move(devices)),
       deterministic_(std::move(deterministic)),
+      machine_(clock, *devices_.stop),
       chain_(clock, devices_.lines, rig.lines, *devices_.stop),
       desk_(clock, chain_, *devices_.stop),
       board_(rig),
@@ -97,65 +101,81 @@ SequencerImpl::~SequencerImpl() {
   clock_.Change([&] { closing_ = true; });
 }
 
-Status SequencerImpl::Start(CompiledPlan plan, std::shared_ptr<Session> session) {
-  const auto busy = [&] { return job_ || Runs(status_.state); };
-  Status refusal;
-  const auto refuse_when_busy = [&] {
-    if (busy()) {
-      refusal = FailedPrecondition("session {} is running: stop it or wait for its end",
-                                   status_.session_id);
-    }
-  };
-  clock_.Read(refuse_when_busy);
-  MESORIG_RETURN_IF_ERROR(refusal);
+Status SequencerImpl::CheckBegin(SequencerCommand how, const CompiledPlan& plan) {
+  MESORIG_RETURN_IF_ERROR(machine_.Check(how));
   if (plan.rig_sha256 != rig_.sha256) {
     return InvalidArgument("plan {} was compiled for a rig with SHA-256 {}, this one has {}",
                            plan.name, plan.rig_sha256, rig_.sha256);
   }
   MESORIG_RETURN_IF_ERROR(chain_.Check());
   board_.SetChain(chain_.levels());
-  clock_.Change([&] {
-    refuse_when_busy();
-    if (!refusal.ok() || closing_) return;
-    SequencerStatus fresh;
-    fresh.state = SequencerState::kRunning;
-    fresh.session_id = session->id();
-    fresh.shots = plan.shots;
-    fresh.estimated_s = plan.seconds;
-    status_ = std::move(fresh);
+  return OkStatus();
+}
+
+Status SequencerImpl::Begin(SequencerCommand how, SessionJob job) {
+  MESORIG_RETURN_IF_ERROR(CheckBegin(how, job.plan));
+  return machine_.Give(how, "", [&] {
+    if (job_ || closing_) return FailedPrecondition("the session before is not at its end yet");
+    status_ = {};
+    status_.session_id = job.session->id();
+    status_.shots = job.plan.shots;
+    status_.estimated_s = status_.remaining_s = job.plan.seconds;
+    status_.bytes_left = job.plan.frame_bytes;
+    session_ = job.session;
     run_started_ = {};
     frames_durable_ = 0;
-    devices_.stop->LowerInsideChange();
-    job_ = Job{std::move(plan), std::move(session)};
+    job_ = std::move(job);
+    return OkStatus();
   });
-  return refusal;
+}
+
+Status SequencerImpl::Command(SequencerCommand command, std::string_view reason) {
+  MESORIG_RETURN_IF_ERROR(machine_.Check(command));
+  if (command == SequencerCommand::kStart) MESORIG_RETURN_IF_ERROR(chain_.Check());
+  if (command == SequencerCommand::kContinue) MESORIG_RETURN_IF_ERROR(chain_.MayGoOn());
+  MESORIG_RETURN_IF_ERROR(machine_.Give(command, reason));
+  if (command == SequencerCommand::kPauseNow || command == SequencerCommand::kAbort) {
+    if (gate_) gate_->Shut();
+  }
+  Emit(Kind::kState, reason);
+  return OkStatus();
 }
 
 Status SequencerImpl::Stop(std::string_view reason) {
-  clock_.Change([&] {
-    if (!Runs(status_.state) || status_.state == SequencerState::kStopping) return;
-    status_.state = SequencerState::kStopping;
-    status_.message = reason;
-    devices_.stop->RaiseInsideChange(reason);
-  });
+  const bool in_session = InSession(machine_.state());
+  (void)machine_.Give(SequencerCommand::kStop, reason);  // every state knows it
   // Not left to the sequencer's thread: it may hang.
   if (gate_) gate_->Shut();
-  return devices_.lamps->AllOff();
+  const Status off = devices_.lamps->AllOff();
+  if (in_session) Emit(Kind::kState, reason);
+  return off;
+}
+
+Status SequencerImpl::Acknowledge(uint32_t prompt_id) {
+  MESORIG_RETURN_IF_ERROR(machine_.Check(SequencerCommand::kAcknowledge));
+  return desk_.Acknowledge(prompt_id);
 }
 
 SequencerStatus SequencerImpl::GetStatus() const {
   SequencerStatus status;
   RigTime started{};
+  std::shared_ptr<Session> session;
   clock_.Read([&] {
     status = status_;
+    status.state = machine_.StateInsideChange();
+    status.message = machine_.MessageInsideChange();
     started = run_started_;
+    session = session_.lock();
   });
   status.now = clock_.Now();
-  if (Runs(status.state) && started != RigTime{}) status.rig_s = Seconds(status.now - started);
+  if (InSession(status.state) && started != RigTime{}) {
+    status.rig_s = Seconds(status.now - started);
+  }
+  if (session && InSession(status.state)) status.storage = Message(session->Storage());
   status.frames_durable = frames_durable_;
   status.deterministic = deterministic_();
   status.readings = board_.Get();
-  status.prompt = desk_.current();
+  if (status.state == SequencerState::kWaiting) status.prompt = desk_.current();
   return status;
 }
 
@@ -164,7 +184,7 @@ void SequencerImpl::OnEvent(std::function<void(const SequencerEvent&)> listener)
   listener_ = std::move(listener);
 }
 
-void SequencerImpl::Emit(SequencerEvent::Kind kind, std::string_view text,
+void SequencerImpl::Emit(Kind kind, std::string_view text,
                          const std::function<void(SequencerEvent&)>& fill) {
   std::function<void(const SequencerEvent&)> listener;
   {
@@ -178,14 +198,6 @@ void SequencerImpl::Emit(SequencerEvent::Kind kind, std::string_view text,
   event.text = text;
   if (fill) fill(event);
   listener(event);
-}
-
-void SequencerImpl::SetState(SequencerState state, std::string_view message) {
-  clock_.Change([&] {
-    status_.state = state;
-    status_.message = message;
-  });
-  Emit(SequencerEvent::Kind::kState, message);
 }
 
 void SequencerImpl::RefreshIdleReadings() {
@@ -207,104 +219,146 @@ void SequencerImpl::Loop() {
       RefreshIdleReadings();
       continue;
     }
-    std::optional<Job> job;
+    std::optional<SessionJob> job;
     clock_.Change([&] { job = std::exchange(job_, std::nullopt); });
     if (!job) return;
     RunJob(*job);
   }
 }
 
-void SequencerImpl::RunJob(const Job& job) {
-  Emit(SequencerEvent::Kind::kStarted, job.plan.name);
-  job.session->OnDurable([this](uint32_t frames) { frames_durable_ = frames; });
+bool SequencerImpl::AwaitStart(Status& why) {
+  if (machine_.state() == SequencerState::kArmed) Emit(Kind::kState, "");
+  clock_.WaitUntil(
+      kNever, [&] { return machine_.StateInsideChange() != SequencerState::kArmed; });
+  const RunOrder order = machine_.order();
+  if (order != RunOrder::kStop && order != RunOrder::kAbort) return true;
+  why = Cancelled("{}", machine_.message());
+  return false;
+}
+
+void SequencerImpl::RunJob(const SessionJob& job) {
   Times times;
-  const Status run = RunInActivity(job, times);
-  const Status end = EndSession(job, run, times);
+  Status run;
+  finished_ = false;
+  if (AwaitStart(run)) {
+    Emit(Kind::kStarted, job.plan.name,
+         [&](SequencerEvent& event) { event.resumed = job.resumed; });
+    job.session->OnDurable([this](uint32_t frames) { frames_durable_ = frames; });
+    run = RunInActivity(job, times);
+  }
+  if (!run.ok() && !finished_) EndIncomplete(job, run, times);
   job.session->OnDurable([](uint32_t) {});
   frames_durable_ = job.session->Summary().frames_durable;
 
-  const bool by_hand = absl::IsCancelled(run) && chain_.Opening().ok();
-  const SequencerState state = end.ok() || by_hand ? SequencerState::kIdle : SequencerState::kFault;
-  clock_.Change([&] { status_.rig_s = times.virtual_s; });
-  if (!end.ok()) spdlog::warn("session {}: incomplete: {}", job.session->id(), Message(end));
-  SetState(state, end.ok() ? std::string_view("complete") : Message(end));
-  Emit(SequencerEvent::Kind::kEnded, Message(end), [&](SequencerEvent& event) {
-    event.complete = end.ok();
+  const bool by_hand = absl::IsCancelled(run);
+  const SequencerState state = run.ok() || by_hand ? SequencerState::kIdle : SequencerState::kFault;
+  const std::string text(run.ok() ? std::string_view("complete") : Message(run));
+  clock_.Change([&] {
+    status_.rig_s = times.virtual_s;
+    session_.reset();
+  });
+  if (!run.ok()) spdlog::warn("session {}: incomplete: {}", job.session->id(), text);
+  machine_.Rest(state, text);
+  Emit(Kind::kState, text);
+  Emit(Kind::kEnded, run.ok() ? "" : text, [&](SequencerEvent& event) {
+    event.complete = run.ok();
     event.virtual_s = times.virtual_s;
     event.wall_s = times.wall_s;
+    event.preparation_s = times.preparation_s;
   });
 }
 
-Status SequencerImpl::RunInActivity(const Job& job, Times& times) {
-  const RigTime start = clock_.Now();
-  const auto wall_start = HostClock::now();
-  clock_.Change([&] { run_started_ = start; });
+Status SequencerImpl::RunInActivity(const SessionJob& job, Times& times) {
+  times.start = clock_.Now();
+  times.wall_start = HostClock::now();
+  clock_.Change([&] { run_started_ = times.start; });
   Status status;
   {
     RigClock::Activity activity(clock_, Pace::kFree);
     chain_.Arm();
     desk_.BeginSession();
-    const PlanRun::Context context{clock_,
-                                   rig_,
-                                   devices_,
-                                   chain_,
-                                   gate_ ? &*gate_ : nullptr,
-                                   desk_,
-                                   activity,
-                                   board_,
-                                   [this](const RunProgress& progress) {
-                                     clock_.Change([&] {
-                                       status_.shots_done = progress.shots_done;
-                                       status_.frames = progress.frames;
-                                     });
-                                     Emit(SequencerEvent::Kind::kProgress, "");
-                                   },
-                                   [this](const std::string& note) {
-                                     spdlog::warn("{}", note);
-                                     Emit(SequencerEvent::Kind::kNote, note);
-                                   },
-                                   [this](bool waiting) { OnWait(waiting); }};
-    PlanRun run(context, job.plan, *job.session);
+    const RunContext context = MakeContext(job, activity, times);
+    SessionRun run(context, job);
     status = run.Run();
-    if (!status.ok()) {
-      run.MakeSafe();
-      // A switch-off may have overtaken what the run was doing: say why it came.
-      if (const Status stop = devices_.stop->Check(); !stop.ok()) status = stop;
-      // An open chain cuts torque and lamps: what the devices then report is not the reason.
-      if (!absl::IsCancelled(status)) (void)chain_.Check();
-      // Of a stop and an opening the one that came first is the reason.
-      const Status opening = chain_.Opening();
-      if (!opening.ok() && (!absl::IsCancelled(status) || Message(status) == Message(opening))) {
-        status = opening;
-      }
-    }
     chain_.Disarm();
+    times.preparation_s = run.preparation_s();
   }
-  times.virtual_s = Seconds(clock_.Now() - start);
-  times.wall_s = std::chrono::duration<double>(HostClock::now() - wall_start).count();
+  ReadClocks(times);
   return status;
 }
 
-void SequencerImpl::OnWait(bool waiting) {
-  bool changed = false;
-  clock_.Change([&] {
-    const auto from = waiting ? SequencerState::kRunning : SequencerState::kWaiting;
-    changed = status_.state == from;  // a stop has the last word
-    if (changed) status_.state = waiting ? SequencerState::kWaiting : SequencerState::kRunning;
-  });
-  if (changed) Emit(SequencerEvent::Kind::kState, "");
-  if (waiting) Emit(SequencerEvent::Kind::kPrompt, "");
+void SequencerImpl::ReadClocks(Times& times) const {
+  times.virtual_s = Seconds(clock_.Now() - times.start);
+  times.wall_s = std::chrono::duration<double>(HostClock::now() - times.wall_start).count();
 }
 
-Status SequencerImpl::EndSession(const Job& job, const Status& run, const Times& times) {
-  Status status = run;
+RunContext SequencerImpl::MakeContext(const SessionJob& job, RigClock::Activity& activity,
+                                      Times& times) {
+  Session& session = *job.session;
+  return {clock_,
+          rig_,
+          devices_,
+          chain_,
+          gate_ ? &*gate_ : nullptr,
+          desk_,
+          activity,
+          machine_,
+          board_,
+          job.plan,
+          session,
+          [this, &job](const RunProgress& progress) { OnProgress(job, progress); },
+          [this, &session](const std::string& note) {
+            spdlog::warn("{}", note);
+            const Status status =
+                session.Record({JournalKind::kNote, clock_.Now().count(), -1, 0, note});
+            if (!status.ok()) spdlog::error("journal: {}", Message(status));
+            Emit(Kind::kNote, note);
+          },
+          [this, &session, &times] {
+            ReadClocks(times);
+            const Status finished =
+                session.Finish(true, "", times.virtual_s, times.wall_s, deterministic_());
+            finished_ = finished.ok() || !absl::IsUnavailable(finished);
+            return finished;
+          },
+          [this] { Emit(Kind::kState, machine_.message()); },
+          [this](int camera, const std::string& text) {
+            spdlog::warn("{}", text);
+            clock_.Change([&] { ++status_.alarms; });
+            Emit(Kind::kAlarm, text, [&](SequencerEvent& event) { event.camera = rig_.cameras[camera].name; });
+          },
+          [this](bool waiting) { return OnWait(waiting); }};
+}
+
+void SequencerImpl::OnProgress(const SessionJob& job, const RunProgress& progress) {
+  const double left = job.plan.shots == 0
+                          ? 0
+                          : 1 - static_cast<double>(progress.shots_done) / job.plan.shots;
+  clock_.Change([&] {
+    status_.shots_done = progress.shots_done;
+    status_.frames = progress.frames;
+    status_.bytes_left = progress.bytes_left;
+    status_.remaining_s = job.plan.seconds * std::max(0.0, left);
+  });
+  Emit(Kind::kProgress, "");
+}
+
+bool SequencerImpl::OnWait(bool waiting) {
+  const auto from = waiting ? SequencerState::kRunning : SequencerState::kWaiting;
+  const auto to = waiting ? SequencerState::kWaiting : SequencerState::kRunning;
+  const bool changed = machine_.Move(from, to, "");  // a command has the last word
+  if (changed) Emit(Kind::kState, "");
+  if (changed && waiting) Emit(Kind::kPrompt, "");
+  return changed;
+}
+
+void SequencerImpl::EndIncomplete(const SessionJob& job, const Status& why, const Times& times) {
   // What came before the end is kept, whatever the end was.
   const Status flushed = job.session->Flush();
-  if (status.ok()) status = flushed;
-  const Status finished = job.session->Finish(status.ok(), Message(status), times.virtual_s,
-                                              times.wall_s, deterministic_());
+  if (!flushed.ok()) spdlog::error("session {}: {}", job.session->id(), Message(flushed));
+  const Status finished = job.session->Finish(false, Message(why), times.virtual_s, times.wall_s,
+                                              deterministic_());
   if (!finished.ok()) spdlog::error("session {}: {}", job.session->id(), Message(finished));
-  return status.ok() ? finished : status;
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "daemon/control/operator_desk.h"
+#include "daemon/control/state_table.h"
 #include "daemon/device/axis.h"
 #include "daemon/device/camera.h"
 #include "daemon/device/digital_lines.h"
@@ -31,8 +32,13 @@ struct Devices {
   StopFlag* stop = nullptr;  // the one that the devices' waits look at
 };
 
-// kWaiting: for the operator; laser, lamps and torque are off.
-enum class SequencerState { kIdle, kRunning, kWaiting, kStopping, kFault };
+// What is to be run.
+struct SessionJob {
+  CompiledPlan plan;
+  std::shared_ptr<Session> session;  // shared with those who read it while it grows
+  bool resumed = false;              // homes all axes and takes the reference frame first
+  bool accept_reference = false;     // whatever the reference frame shows
+};
 
 // A value read back from the rig, with when.
 struct Reading {
@@ -45,8 +51,12 @@ struct SequencerStatus {
   SequencerState state = SequencerState::kIdle;
   std::string session_id;  // running or last
   uint32_t shots_done = 0, shots = 0, frames = 0, frames_durable = 0;
-  double rig_s = 0, estimated_s = 0;
-  std::string message;
+  uint64_t bytes_left = 0;  // pixels of frames that are still to come
+  uint32_t alarms = 0;      // of this run
+  double rig_s = 0;         // since the run began, pauses and visits in virtual time excluded
+  double estimated_s = 0, remaining_s = 0;
+  std::string message;  // why it is where it is
+  std::string storage;  // why the disk takes nothing; empty: it does
   std::vector<Reading> readings;
   RigTime now{};
   bool deterministic = true;
@@ -55,26 +65,35 @@ struct SequencerStatus {
 
 // What happened, for clients; sequence numbers are the service's.
 struct SequencerEvent {
-  enum class Kind { kState, kStarted, kProgress, kPrompt, kEnded, kNote } kind = Kind::kNote;
+  enum class Kind { kState, kStarted, kProgress, kPrompt, kEnded, kNote, kAlarm };
+  Kind kind = Kind::kNote;
   SequencerStatus status;
   bool complete = false;
   double virtual_s = 0, wall_s = 0;
+  double preparation_s = 0;  // of virtual_s: opening, homing, the reference frame
   std::string text;
+  std::string camera;    // kAlarm: its name
+  bool resumed = false;  // kStarted
 };
 
-// Thread contract: every method from any thread; the listener is called on the sequencer's thread
-// and returns quickly.
+// Thread contract: every method from any thread; the listener is called on the sequencer's thread,
+// or on that of a command, and returns quickly.
 class Sequencer {
  public:
   // `deterministic` tells whether virtual time was the simulator's alone so far.
   static std::unique_ptr<Sequencer> Create(RigClock& clock, const Rig& rig, Devices devices,
                                            std::function<bool()> deterministic);
   virtual ~Sequencer() = default;
-  // Starts the plan; returns at once. FailedPrecondition when one runs, or the interlock chain is
-  // open; InvalidArgument when the plan is of another rig. A session that was refused is the
-  // caller's to finish. In kFault it is allowed: enabling the axes again resets their faults, and a
-  // fault that stays ends the session incomplete.
-  virtual Status Start(CompiledPlan plan, std::shared_ptr<Session> session) = 0;
+  // What Begin would refuse whatever the session: FailedPrecondition for a state that does not know
+  // the command, and for an open interlock chain; InvalidArgument for a plan of another rig.
+  virtual Status CheckBegin(SequencerCommand how, const CompiledPlan& plan) = 0;
+  // `how`: kArm, kRun or kResume. Returns at once; refuses as CheckBegin. A session that was refused
+  // is the caller's.
+  virtual Status Begin(SequencerCommand how, SessionJob job) = 0;
+  // `command`: kStart, kPause, kPauseNow, kContinue, kAbort or kReset. Returns when it is ordered,
+  // not when it is done (GetStatus tells). FailedPrecondition as the state table says; of kStart and
+  // kContinue also when the chain is open, or was while paused and reset was not pressed since.
+  virtual Status Command(SequencerCommand command, std::string_view reason) = 0;
   // Lamps off and axes quick-stopped, at once; the session ends incomplete. Returns when the lamps
   // are off (Unavailable when the bank does not answer), not when the session has ended. When idle:
   // lamps off.

@@ -13,6 +13,7 @@ InterlockChain::InterlockChain(RigClock& clock, DigitalLines* lines, const Lines
   if (lines_ == nullptr) return;
   lines_->OnEdge([this](int line, bool level, RigTime when) {
     NoteVisitInsideChange(line, level);
+    NotePauseInsideChange(line, level);
     const bool of_chain = line == numbers_.estop || line == numbers_.door;
     if (level || !of_chain) return;
     LatchInsideChange(fmt::format("interlock chain: {} (line {}) opened at {:.3f} s",
@@ -73,6 +74,9 @@ Status InterlockChain::Check() {
   const Status status = estop.ok() ? door : estop;
   clock_.Change([&] {
     levels_ = levels;
+    estop_closed_ = levels.estop;
+    door_closed_ = levels.door;
+    needs_reset_ = needs_reset_ || (paused_ && !status.ok());
     if (!status.ok()) LatchInsideChange(std::string(Message(status)));
   });
   return status;
@@ -84,8 +88,35 @@ InterlockChain::Levels InterlockChain::levels() const {
   return levels;
 }
 
+void InterlockChain::NotePauseInsideChange(int line, bool level) {
+  if (line == numbers_.estop) estop_closed_ = level;
+  if (line == numbers_.door) door_closed_ = level;
+  const bool closed = estop_closed_ && door_closed_;
+  if (paused_ && !closed) needs_reset_ = true;
+  if (line == numbers_.reset && level && closed) needs_reset_ = false;
+}
+
+void InterlockChain::BeginPause() {
+  clock_.Change([&] {
+    paused_ = true;
+    needs_reset_ = false;
+  });
+  (void)Check();  // one that is open already asks for reset as well
+}
+
+Status InterlockChain::MayGoOn() {
+  MESORIG_RETURN_IF_ERROR(Check());
+  bool needs_reset = false;
+  clock_.Read([&] { needs_reset = needs_reset_; });
+  if (!needs_reset) return OkStatus();
+  return FailedPrecondition(
+      "interlock chain: it was opened during the pause; press reset (line {}) at the rig",
+      numbers_.reset);
+}
+
 void InterlockChain::Arm() {
   clock_.Change([&] {
+    paused_ = needs_reset_ = false;
     armed_ = true;
     opening_.clear();
   });

@@ -38,13 +38,20 @@ class InterlockChain {
   void BeginVisit();
   Visit VisitInsideChange() const { return visit_; }
 
-  void Arm();  // forgets what was latched
+  // A pause begins: from now on an opening asks for reset at the rig, pressed with the chain closed.
+  void BeginPause();
+  // Reads the chain. FailedPrecondition while it is open, and when it was since BeginPause and reset
+  // was not pressed after it closed.
+  Status MayGoOn();
+
+  void Arm();  // forgets what was latched, and the pause
   void Disarm();
   // OK, or FailedPrecondition with the first opening since Arm.
   Status Opening() const;
 
  private:
   void NoteVisitInsideChange(int line, bool level);
+  void NotePauseInsideChange(int line, bool level);
   Status ReadLine(int line, std::string_view line_name, bool& closed);
   void LatchInsideChange(std::string opening);
 
@@ -58,6 +65,8 @@ class InterlockChain {
   Levels levels_;
   Visit visit_;
   bool door_opened_ = false;  // since BeginVisit
+  bool paused_ = false, needs_reset_ = false;
+  bool estop_closed_ = true, door_closed_ = true;  // in a pause, by edges and Check
 };
 
 }  // namespace mesorig::daemon

@@ -1,5 +1,7 @@
 #include "daemon/service/control_service.h"
 
+#include <algorithm>
+
 #include "daemon/service/convert.h"
 #include "protocol/base/log.h"
 #include "protocol/base/program.h"
@@ -11,6 +13,31 @@ namespace {
 
 constexpr size_t kMaxPlanBytes = 4u << 20;
 constexpr std::chrono::milliseconds kWatchSlice{100};  // how late a vanished client is noticed
+
+struct Missing {
+  uint32_t frames = 0;
+  uint64_t bytes = 0;
+};
+
+Missing CountMissing(const CompiledPlan& plan, const Rig& rig, const Session& session) {
+  Missing missing;
+  for (const Step& step : plan.steps) {
+    const bool sweep = step.kind == StepKind::kSweep;
+    if (!sweep && step.kind != StepKind::kShot) continue;
+    for (uint32_t i = 0; i < (sweep ? step.sweep.frames : 1); ++i) {
+      for (const int camera : session.Missing(step.shot + i)) {
+        const auto at = std::find(step.cameras.begin(), step.cameras.end(), camera);
+        if (at == step.cameras.end()) continue;
+        const mesorig::Camera& description = rig.cameras[camera];
+        const Region region =
+            sweep ? step.sweep.regions[at - step.cameras.begin()] : description.full_region();
+        ++missing.frames;
+        missing.bytes += uint64_t{1} * region.width * region.height * description.bytes_per_pixel();
+      }
+    }
+  }
+  return missing;
+}
 
 }  // namespace
 
@@ -51,10 +78,22 @@ grpc::Status ControlService::Hello(grpc::ServerContext*, const v1::HelloRequest*
 
 grpc::Status ControlService::Run(grpc::ServerContext*, const v1::RunRequest* request,
                                  v1::RunReply* reply) {
-  return wire::ToGrpc(StartPlan(*request, *reply));
+  return wire::ToGrpc(StartPlan(SequencerCommand::kRun, *request, *reply));
 }
 
-Status ControlService::StartPlan(const v1::RunRequest& request, v1::RunReply& reply) {
+grpc::Status ControlService::Arm(grpc::ServerContext*, const v1::RunRequest* request,
+                                 v1::RunReply* reply) {
+  return wire::ToGrpc(StartPlan(SequencerCommand::kArm, *request, *reply));
+}
+
+grpc::Status ControlService::ResumeSession(grpc::ServerContext*,
+                                           const v1::ResumeSessionRequest* request,
+                                           v1::RunReply* reply) {
+  return wire::ToGrpc(Resume(*request, *reply));
+}
+
+Status ControlService::StartPlan(SequencerCommand how, const v1::RunRequest& request,
+                                 v1::RunReply& reply) {
   MutexLock lock(run_mutex_);
   const uint64_t stops_before = stops_;
   MESORIG_RETURN_IF_ERROR(WhyNoRun());
@@ -63,13 +102,65 @@ Status ControlService::StartPlan(const v1::RunRequest& request, v1::RunReply& re
     return InvalidArgument("{}: {} bytes, at most {} are read", name, request.plan_toml().size(),
                            kMaxPlanBytes);
   }
-  MESORIG_ASSIGN_OR_RETURN(CompiledPlan plan, CompilePlan(request.plan_toml(), name, rig_));
-  // (Start says the same, but a session would be on the disk by then.)
-  const SequencerStatus status = sequencer_.GetStatus();
-  if (status.state != SequencerState::kIdle && status.state != SequencerState::kFault) {
-    return FailedPrecondition("session {} is running: stop it or wait for its end",
-                              status.session_id);
+  SessionJob job;
+  MESORIG_ASSIGN_OR_RETURN(job.plan, CompilePlan(request.plan_toml(), name, rig_));
+  // Before there is a session on the disk.
+  MESORIG_RETURN_IF_ERROR(sequencer_.CheckBegin(how, job.plan));
+  MESORIG_ASSIGN_OR_RETURN(job.session, sessions_.Create(job.plan, rig_));
+  const std::shared_ptr<Session> session = job.session;
+  const Status begun = BeginSession(how, std::move(job), reply, stops_before);
+  if (!begun.ok()) sessions_.Discard(session, Message(begun));
+  return begun;
+}
+
+Status ControlService::Resume(const v1::ResumeSessionRequest& request, v1::RunReply& reply) {
+  MutexLock lock(run_mutex_);
+  const uint64_t stops_before = stops_;
+  MESORIG_RETURN_IF_ERROR(WhyNoRun());
+  SessionJob job;
+  job.resumed = true;
+  job.accept_reference = request.accept_reference();
+  {
+    // Looked at before it is opened for writing, so that a refusal leaves it as it was.
+    MESORIG_ASSIGN_OR_RETURN(const auto session, sessions_.Find(request.session_id()));
+    MESORIG_ASSIGN_OR_RETURN(job.plan, UnpackPlan(session->plan_bin(), rig_));
   }
+  if (job.plan.sample_name != request.sample_name()) {
+    return FailedPrecondition("session {} is of sample \"{}\", not of \"{}\"",
+                              request.session_id(), job.plan.sample_name, request.sample_name());
+  }
+  MESORIG_RETURN_IF_ERROR(sequencer_.CheckBegin(SequencerCommand::kResume, job.plan));
+  MESORIG_ASSIGN_OR_RETURN(job.session, sessions_.Resume(request.session_id(), rig_));
+  const std::shared_ptr<Session> session = job.session;
+  const Status begun =
+      BeginSession(SequencerCommand::kResume, std::move(job), reply, stops_before);
+  if (!begun.ok()) {
+    const Status ended = session->Finish(false, Message(begun), 0, 0, true);
+    if (!ended.ok()) spdlog::error("session {}: {}", session->id(), Message(ended));
+  }
+  return begun;
+}
+
+Status ControlService::BeginSession(SequencerCommand how, SessionJob job, v1::RunReply& reply,
+                                    uint64_t stops_before) {
+  Describe(job.plan, *job.session, reply);
+  reply.set_event_sequence(events_.last());
+  if (stops_ != stops_before) {
+    return Cancelled("session {}: stopped before it began", job.session->id());
+  }
+  MESORIG_RETURN_IF_ERROR(sequencer_.Begin(how, std::move(job)));
+  if (!reply.warning().empty()) {
+    v1::Event event;
+    event.set_note(reply.warning());
+    events_.Append(std::move(event));
+  }
+  // A Stop that came between the look above and Begin found nothing to stop.
+  return stops_ == stops_before ? OkStatus() : sequencer_.Stop("stopped as it began");
+}
+
+void ControlService::Describe(const CompiledPlan& plan, const Session& session,
+                              v1::RunReply& reply) const {
+  reply.set_session_id(session.id());
   reply.set_shots(plan.shots);
   reply.set_frames(plan.frames);
   reply.set_frame_bytes(plan.frame_bytes);
@@ -77,29 +168,23 @@ Status ControlService::StartPlan(const v1::RunRequest& request, v1::RunReply& re
   reply.set_frames_blocked(plan.frames_blocked);
   reply.set_sweeps(plan.sweeps);
   reply.set_prompts(plan.prompts);
-  return StartSession(std::move(plan), reply, stops_before);
-}
-
-Status ControlService::StartSession(CompiledPlan plan, v1::RunReply& reply, uint64_t stops_before) {
-  MESORIG_ASSIGN_OR_RETURN(const std::shared_ptr<Session> session, sessions_.Create(plan, rig_));
-  reply.set_session_id(session->id());
-  Status started = stops_ == stops_before
-                       ? sequencer_.Start(std::move(plan), session)
-                       : Cancelled("session {}: stopped before it began", session->id());
-  if (!started.ok()) {
-    const Status ended = session->Finish(false, Message(started), 0, 0, true);
-    if (!ended.ok()) spdlog::error("{}", Message(ended));
-    return started;
-  }
-  // A Stop that came between the look above and Start found nothing to stop.
-  if (stops_ != stops_before) return sequencer_.Stop("stopped as it began");
-  return OkStatus();
+  const Missing missing = CountMissing(plan, rig_, session);
+  reply.set_frames_missing(missing.frames);
+  reply.set_missing_bytes(missing.bytes);
+  const auto free = sessions_.FreeBytes();
+  if (!free) return;
+  reply.set_disk_free_bytes(*free);
+  if (*free >= missing.bytes) return;
+  reply.set_warning(fmt::format(
+      "the disk has {:.1f} MB free and {:.1f} MB are to come: the run will pause when it is full",
+      static_cast<double>(*free) / 1e6, static_cast<double>(missing.bytes) / 1e6));
 }
 
 grpc::Status ControlService::GetStatus(grpc::ServerContext*, const v1::StatusRequest*,
                                        v1::StatusReply* reply) {
   const SequencerStatus status = sequencer_.GetStatus();
   *reply = ToMessage(status, sessions_.FramesPlanned(status.session_id));
+  reply->set_disk_free_bytes(sessions_.FreeBytes().value_or(0));
   MutexLock lock(fault_mutex_);
   if (!fault_.empty()) {
     reply->set_state(v1::FAULT);
@@ -139,15 +224,33 @@ grpc::Status ControlService::Acknowledge(grpc::ServerContext*,
   return wire::ToGrpc(sequencer_.Acknowledge(request->prompt_id()));
 }
 
-grpc::Status ControlService::Pause(grpc::ServerContext*, const v1::PauseRequest*, v1::PauseReply*) {
-  return wire::ToGrpc(
-      Unimplemented("pausing a plan is not there yet; stop it (`mesorig stop`) and run it again"));
+grpc::Status ControlService::Start(grpc::ServerContext*, const v1::StartRequest*, v1::StartReply*) {
+  return wire::ToGrpc(sequencer_.Command(SequencerCommand::kStart, ""));
 }
 
-grpc::Status ControlService::Resume(grpc::ServerContext*, const v1::ResumeRequest*,
-                                    v1::ResumeReply*) {
-  return wire::ToGrpc(
-      Unimplemented("resuming a session is not there yet; run its plan again (`mesorig run`)"));
+grpc::Status ControlService::Pause(grpc::ServerContext*, const v1::PauseRequest* request,
+                                   v1::PauseReply*) {
+  const std::string reason =
+      request->reason().empty() ? "paused by a client" : "paused: " + request->reason();
+  return wire::ToGrpc(sequencer_.Command(
+      request->now() ? SequencerCommand::kPauseNow : SequencerCommand::kPause, reason));
+}
+
+grpc::Status ControlService::Continue(grpc::ServerContext*, const v1::ContinueRequest*,
+                                      v1::ContinueReply*) {
+  return wire::ToGrpc(sequencer_.Command(SequencerCommand::kContinue, ""));
+}
+
+grpc::Status ControlService::Abort(grpc::ServerContext*, const v1::AbortRequest* request,
+                                   v1::AbortReply*) {
+  const std::string reason =
+      request->reason().empty() ? "aborted by a client" : "aborted: " + request->reason();
+  spdlog::info("{}", reason);
+  return wire::ToGrpc(sequencer_.Command(SequencerCommand::kAbort, reason));
+}
+
+grpc::Status ControlService::Reset(grpc::ServerContext*, const v1::ResetRequest*, v1::ResetReply*) {
+  return wire::ToGrpc(sequencer_.Command(SequencerCommand::kReset, ""));
 }
 
 }  // namespace mesorig::daemon

@@ -33,14 +33,28 @@ class ControlService final : public v1::Control::Service {
                     v1::StopReply* reply) override;
   grpc::Status Pause(grpc::ServerContext* context, const v1::PauseRequest* request,
                      v1::PauseReply* reply) override;
-  grpc::Status Resume(grpc::ServerContext* context, const v1::ResumeRequest* request,
-                      v1::ResumeReply* reply) override;
+  grpc::Status Arm(grpc::ServerContext* context, const v1::RunRequest* request,
+                   v1::RunReply* reply) override;
+  grpc::Status Start(grpc::ServerContext* context, const v1::StartRequest* request,
+                     v1::StartReply* reply) override;
+  grpc::Status Continue(grpc::ServerContext* context, const v1::ContinueRequest* request,
+                        v1::ContinueReply* reply) override;
+  grpc::Status Abort(grpc::ServerContext* context, const v1::AbortRequest* request,
+                     v1::AbortReply* reply) override;
+  grpc::Status Reset(grpc::ServerContext* context, const v1::ResetRequest* request,
+                     v1::ResetReply* reply) override;
+  grpc::Status ResumeSession(grpc::ServerContext* context, const v1::ResumeSessionRequest* request,
+                             v1::RunReply* reply) override;
   grpc::Status Acknowledge(grpc::ServerContext* context, const v1::AcknowledgeRequest* request,
                            v1::AcknowledgeReply* reply) override;
 
  private:
-  Status StartPlan(const v1::RunRequest& request, v1::RunReply& reply);
-  Status StartSession(CompiledPlan plan, v1::RunReply& reply, uint64_t stops_before);
+  Status StartPlan(SequencerCommand how, const v1::RunRequest& request, v1::RunReply& reply);
+  Status Resume(const v1::ResumeSessionRequest& request, v1::RunReply& reply);
+  // Hands the session to the sequencer; a refusal, and a Stop since `stops_before`, ends it.
+  Status BeginSession(SequencerCommand how, SessionJob job, v1::RunReply& reply,
+                      uint64_t stops_before);
+  void Describe(const CompiledPlan& plan, const Session& session, v1::RunReply& reply) const;
   Status WhyNoRun() const;
 
   const Rig& rig_;

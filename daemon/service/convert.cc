@@ -14,6 +14,12 @@ v1::State ToMessage(SequencerState state) {
       return v1::WAITING;
     case SequencerState::kStopping:
       return v1::STOPPING;
+    case SequencerState::kArmed:
+      return v1::ARMED;
+    case SequencerState::kPausing:
+      return v1::PAUSING;
+    case SequencerState::kPaused:
+      return v1::PAUSED;
     case SequencerState::kFault:
       return v1::FAULT;
   }
@@ -43,6 +49,10 @@ v1::StatusReply ToMessage(const SequencerStatus& status, uint32_t frames_planned
   reply.set_estimated_s(status.estimated_s);
   reply.set_message(status.message);
   reply.set_deterministic(status.deterministic);
+  reply.set_bytes_left(status.bytes_left);
+  reply.set_remaining_s(status.remaining_s);
+  reply.set_alarms(status.alarms);
+  reply.set_storage(status.storage);
   if (status.prompt) *reply.mutable_prompt() = ToMessage(*status.prompt);
   for (const Reading& reading : status.readings) {
     v1::Reading& out = *reply.add_readings();
@@ -67,6 +77,7 @@ v1::Event ToMessage(const SequencerEvent& event, uint32_t frames_planned) {
       out.mutable_started()->set_session_id(status.session_id);
       out.mutable_started()->set_shots(status.shots);
       out.mutable_started()->set_frames(frames_planned);
+      out.mutable_started()->set_resumed(event.resumed);
       break;
     case SequencerEvent::Kind::kProgress:
       out.mutable_progress()->set_session_id(status.session_id);
@@ -82,10 +93,16 @@ v1::Event ToMessage(const SequencerEvent& event, uint32_t frames_planned) {
       ended.set_virtual_s(event.virtual_s);
       ended.set_wall_s(event.wall_s);
       ended.set_deterministic(status.deterministic);
+      ended.set_preparation_s(event.preparation_s);
       break;
     }
     case SequencerEvent::Kind::kPrompt:
       if (status.prompt) *out.mutable_prompt() = ToMessage(*status.prompt);
+      break;
+    case SequencerEvent::Kind::kAlarm:
+      out.mutable_alarm()->set_session_id(status.session_id);
+      out.mutable_alarm()->set_camera(event.camera);
+      out.mutable_alarm()->set_text(event.text);
       break;
     case SequencerEvent::Kind::kNote:
       out.set_note(event.text);

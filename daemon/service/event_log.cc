@@ -18,6 +18,11 @@ v1::Event Note(uint64_t sequence, std::string text) {
 
 }  // namespace
 
+uint64_t EventLog::last() const {
+  MutexLock lock(mutex_);
+  return last_;
+}
+
 void EventLog::Append(v1::Event event) {
   MutexLock lock(mutex_);
   event.set_sequence(++last_);

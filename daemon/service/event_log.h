@@ -24,6 +24,7 @@ class EventLog {
   // that says so. Empty: none came, or the
   // log is closed and all were read.
   std::vector<v1::Event> Read(uint64_t after, std::chrono::milliseconds wait) EXCLUDES(mutex_);
+  uint64_t last() const EXCLUDES(mutex_);  // number of the latest; 0: none
   // Wakes and turns away all readers.
   void Close() EXCLUDES(mutex_);
   bool closed() const EXCLUDES(mutex_);

@@ -46,7 +46,8 @@ class Bench {
     });
   }
   SequencerEvent Run(const CompiledPlan& plan) {
-    EXPECT_EQ(sequencer->Start(plan, session), OkStatus());
+    session->Expect(plan);
+    EXPECT_EQ(sequencer->Begin(SequencerCommand::kRun, {plan, session}), OkStatus());
     std::unique_lock lock(mutex_);
     condition_.wait(lock, [&] { return ended_.has_value(); });
     return *ended_;

@@ -30,12 +30,15 @@ TEST(Sequencer, RunsThePlanInOrder) {
       WithoutPolls(bench.log.operations()),
       ElementsAre("lamps open", "lamps off", "C0 open", "C1 open", "turntable enable", "arc enable",
                   "turntable home", "arc home", "turntable homed", "arc homed",  // at the same time
-                  "turntable move 30", "arc move -20", "turntable there", "arc there", "lamp 0",
-                  "C0 exposure 0.02", "C1 exposure 0.02", "C0 trigger 1", "C1 trigger 1",
-                  "C0 frame 1", "C1 frame 1", "lamp 2", "C0 trigger 2", "C1 trigger 2",
-                  "C0 frame 2", "C1 frame 2", "turntable move 60", "arc move 10", "turntable there",
-                  "arc there", "C1 exposure 0.04", "C1 trigger 3", "C1 frame 3", "lamp -1",
-                  "lamps off", "turntable disable", "arc disable"));
+                  "C0 exposure 0.02", "C1 exposure 0.02", "lamp 0", "turntable move 30",
+                  "arc move -20",  // on the way, while the cameras warm up
+                  "C0 trigger 1", "C1 trigger 1", "C0 frame 1", "C1 frame 1", "turntable there",
+                  "arc there", "C0 trigger 2", "C1 trigger 2",
+                  "lamp 2",  // while they read out
+                  "C0 frame 2", "C1 frame 2", "C0 trigger 3", "C1 trigger 3", "turntable move 60",
+                  "arc move 10", "C0 frame 3", "C1 frame 3", "C1 exposure 0.04", "turntable there",
+                  "arc there", "C1 trigger 4", "C1 frame 4", "lamps off", "turntable disable",
+                  "arc disable"));
   bench.ExpectAtRest();
   EXPECT_EQ(bench.session->Summary().end, SessionEnd::kComplete);
   const SequencerStatus status = bench.sequencer->GetStatus();
@@ -85,7 +88,7 @@ TEST(Sequencer, StopsAtEveryPoint) {
     whole.Run(SmallPlan(whole.rig));
     operations = static_cast<int>(whole.log.operations().size());
   }
-  ASSERT_GT(operations, 60);
+  ASSERT_GT(operations, 40);
   for (int at = 1; at < operations; ++at) {  // 0 is the reading before any plan
     SCOPED_TRACE(at);
     Bench bench;
@@ -126,14 +129,43 @@ TEST(Sequencer, FailsSafeAtEveryPoint) {
       return index == at ? Unavailable("{} broke", operation) : OkStatus();
     });
     const SequencerEvent end = bench.Run(SmallPlan(bench.rig));
-    EXPECT_FALSE(end.complete);
+    EXPECT_TRUE(end.complete) << end.text;
     bench.ExpectAtRest();
-    bench.ExpectIncomplete("broke");
-    EXPECT_EQ(end.status.state, SequencerState::kFault);
-    // A fault does not forbid the next start.
-    bench.session = std::make_shared<FakeSession>();
-    EXPECT_TRUE(bench.Run(SmallPlan(bench.rig)).complete);
+    EXPECT_EQ(bench.session->records().size(), 5u) << "nothing is taken twice";
+    EXPECT_EQ(end.status.state, SequencerState::kIdle);
   }
+}
+
+// A device that stays broken: a fault that names it, after as many tries as docs/running.md says.
+TEST(Sequencer, ADeviceThatDoesNotComeBackIsAFault) {
+  Bench bench;
+  bool broken = true;
+  bench.log.OnOperation([&](int, const std::string& operation) {
+    return broken && operation.starts_with("arc move") ? Unavailable("{} broke", operation)
+                                                       : OkStatus();
+  });
+  const SequencerEvent end = bench.Run(SmallPlan(bench.rig));
+  EXPECT_FALSE(end.complete);
+  bench.ExpectAtRest();
+  bench.ExpectIncomplete("3 recoveries did not help: arc move -20 broke");
+  EXPECT_EQ(end.status.state, SequencerState::kFault);
+  EXPECT_GT(end.virtual_s, 0.5 + 2 + 8);
+  // A fault does not forbid the next start.
+  broken = false;
+  bench.session = std::make_shared<FakeSession>();
+  EXPECT_TRUE(bench.Run(SmallPlan(bench.rig)).complete);
+}
+
+TEST(Sequencer, RecoveriesCountAgainAfterEachShot) {
+  Bench bench;
+  int failures = 0;
+  bench.log.OnOperation([&](int, const std::string& operation) {
+    const bool fails = operation.starts_with("C1 frame") && ++failures % 3 != 0;
+    return fails ? Unavailable("{} broke", operation) : OkStatus();
+  });
+  const SequencerEvent end = bench.Run(SmallPlan(bench.rig));
+  EXPECT_TRUE(end.complete) << end.text;
+  bench.ExpectAtRest();
 }
 
 TEST(Sequencer, DoorThatOpensEndsTheRunAndNamesTheLine) {
@@ -167,7 +199,7 @@ TEST(Sequencer, ChainThatCannotBeReadIsOpen) {
 TEST(Sequencer, OpenChainRefusesTheStart) {
   Bench bench;
   bench.lines.Set(0, false);
-  const Status status = bench.sequencer->Start(SmallPlan(bench.rig), bench.session);
+  const Status status = bench.Begin(SmallPlan(bench.rig));
   EXPECT_TRUE(absl::IsFailedPrecondition(status));
   EXPECT_THAT(std::string(Message(status)), HasSubstr("emergency stop (line 0) is open"));
   EXPECT_EQ(bench.session->finishes(), 0);
@@ -179,11 +211,12 @@ TEST(Sequencer, OneRunAtATimeAndOnlyPlansOfThisRig) {
   Bench bench;
   CompiledPlan other = SmallPlan(bench.rig);
   other.rig_sha256 = "another";
-  EXPECT_TRUE(absl::IsInvalidArgument(bench.sequencer->Start(other, bench.session)));
+  EXPECT_TRUE(absl::IsInvalidArgument(bench.Begin(other)));
   Status second;
   bench.log.OnOperation([&](int, const std::string& operation) {
     if (operation == "arc enable") {
-      second = bench.sequencer->Start(SmallPlan(bench.rig), std::make_shared<FakeSession>());
+      second = bench.sequencer->Begin(SequencerCommand::kRun,
+                                      {SmallPlan(bench.rig), std::make_shared<FakeSession>()});
     }
     return OkStatus();
   });
@@ -193,25 +226,27 @@ TEST(Sequencer, OneRunAtATimeAndOnlyPlansOfThisRig) {
 
 TEST(Sequencer, ShootsAMissingFrameAgain) {
   Bench bench;
-  bench.cameras[1]->lost_triggers = {2, 3};
+  bench.cameras[1]->lost_triggers = {3, 4};  // 1 was the warm-up
   const SequencerEvent end = bench.Run(SmallPlan(bench.rig));
   EXPECT_TRUE(end.complete) << end.text;
   const auto records = bench.session->records();
   ASSERT_EQ(records.size(), 5u);
   EXPECT_EQ(records[2].camera, 0);
-  EXPECT_EQ(records[2].trigger_id, 2u);
+  EXPECT_EQ(records[2].trigger_id, 3u);
   EXPECT_EQ(records[3].camera, 1);
   EXPECT_EQ(records[3].shot, 1u);
-  EXPECT_EQ(records[3].trigger_id, 4u);
+  EXPECT_EQ(records[3].trigger_id, 5u);
   EXPECT_EQ(records[3].supersedes, 0u);
   const auto operations = bench.log.operations();
-  EXPECT_EQ(std::count(operations.begin(), operations.end(), "C0 trigger 3"), 0)
+  EXPECT_EQ(std::count(operations.begin(), operations.end(), "C0 trigger 4"), 0)
       << "only who owes a frame is triggered again";
 }
 
 TEST(Sequencer, GivesUpOnACameraThatStaysSilent) {
   Bench bench;
-  bench.cameras[1]->lost_triggers = {2, 3, 4};
+  for (uint32_t trigger = 3; trigger < 100; ++trigger) {
+    bench.cameras[1]->lost_triggers.insert(trigger);
+  }
   const SequencerEvent end = bench.Run(SmallPlan(bench.rig));
   EXPECT_FALSE(end.complete);
   bench.ExpectAtRest();
@@ -225,6 +260,7 @@ TEST(Sequencer, DimLampIsNotSteadyLight) {
   bench.Run(SmallPlan(bench.rig));
   bench.ExpectAtRest();
   bench.ExpectIncomplete("lamp L0: light not steady after 2.000 s");
+  EXPECT_EQ(bench.session->Journaled(JournalKind::kRecovered), 3);
 }
 
 TEST(Sequencer, BrokenSessionEndsTheRun) {

@@ -42,13 +42,37 @@ class Bench {
       ended_.notify_all();
     });
   }
+  Status Begin(const CompiledPlan& plan, SequencerCommand how = SequencerCommand::kRun) {
+    session->Expect(plan);
+    SessionJob job;
+    job.plan = plan;
+    job.session = session;
+    job.resumed = how == SequencerCommand::kResume;
+    job.accept_reference = accept_reference;
+    return sequencer->Begin(how, std::move(job));
+  }
   // Runs the plan to its end.
-  SequencerEvent Run(const CompiledPlan& plan) {
-    const size_t before = EndsLocked();
-    EXPECT_EQ(sequencer->Start(plan, session), OkStatus());
+  SequencerEvent Run(const CompiledPlan& plan, SequencerCommand how = SequencerCommand::kRun) {
+    const size_t before = Ends();
+    EXPECT_EQ(Begin(plan, how), OkStatus());
+    return AwaitEnd(before);
+  }
+  // Of sessions that ended so far.
+  size_t Ends() const {
+    std::lock_guard lock(mutex_);
+    return Count(SequencerEvent::Kind::kEnded);
+  }
+  SequencerEvent AwaitEnd(size_t before = 0) {
     std::unique_lock lock(mutex_);
-    ended_.wait(lock, [&] { return Ends() > before; });
-    return events.back();
+    ended_.wait(lock, [&] { return Count(SequencerEvent::Kind::kEnded) > before; });
+    for (auto event = events.rbegin();; ++event) {
+      if (event->kind == SequencerEvent::Kind::kEnded) return *event;
+    }
+  }
+  // Until the sequencer says that it is in this state.
+  void AwaitState(SequencerState state) {
+    std::unique_lock lock(mutex_);
+    ended_.wait(lock, [&] { return sequencer->GetStatus().state == state; });
   }
   // Until the listener has seen such an event (there may be one already).
   void AwaitEvent(SequencerEvent::Kind kind, size_t count = 1) {
@@ -80,6 +104,7 @@ class Bench {
   std::unique_ptr<FakeLaser> laser;  // in a rig with one
   std::shared_ptr<FakeSession> session = std::make_shared<FakeSession>();
   std::vector<SequencerEvent> events;
+  bool accept_reference = false;
   std::unique_ptr<Sequencer> sequencer;
 
  private:
@@ -87,13 +112,8 @@ class Bench {
     return std::count_if(events.begin(), events.end(),
                          [&](const SequencerEvent& event) { return event.kind == kind; });
   }
-  size_t Ends() const { return Count(SequencerEvent::Kind::kEnded); }
-  size_t EndsLocked() {
-    std::lock_guard lock(mutex_);
-    return Ends();
-  }
   Devices devices_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable ended_;
 };
 

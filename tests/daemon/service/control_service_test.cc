@@ -51,17 +51,17 @@ TEST_F(ControlServiceTest, AWrongPlanNamesItsPlace) {
   EXPECT_TRUE(ListSessions(root())->empty());
 }
 
-TEST_F(ControlServiceTest, ARefusedStartEndsItsSession) {
+TEST_F(ControlServiceTest, ARefusedStartLeavesNoSession) {
   sequencer_.Refuse(FailedPrecondition("the door is open"));
   v1::RunReply reply;
   const grpc::Status status = Run(PlanText(), &reply);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_EQ(status.error_message(), "the door is open");
-  const auto ids = ListSessions(root());
-  ASSERT_EQ(ids->size(), 1u);
-  const SessionSummary summary = (*Session::Open(root(), ids->front()))->Summary();
-  EXPECT_EQ(summary.end, SessionEnd::kIncomplete);
-  EXPECT_EQ(summary.reason, "the door is open");
+  EXPECT_TRUE(ListSessions(root())->empty());
+  sequencer_.Refuse(OkStatus());
+  sequencer_.RefuseEarly(FailedPrecondition("the door is open"));
+  EXPECT_EQ(Run(PlanText(), &reply).error_message(), "the door is open");
+  EXPECT_TRUE(ListSessions(root())->empty());
 }
 
 TEST_F(ControlServiceTest, StatusCarriesReadingsWithTheirAge) {
@@ -161,15 +161,45 @@ TEST_F(ControlServiceTest, AnyoneMayStop) {
   EXPECT_EQ(sequencer_.stopped(), std::vector<std::string>{"stopped: smoke"});
 }
 
-TEST_F(ControlServiceTest, WhatIsNotThereYetSaysSo) {
-  grpc::ClientContext pause_context, resume_context;
-  v1::PauseReply pause_reply;
-  v1::ResumeReply resume_reply;
-  const auto pause = control_->Pause(&pause_context, v1::PauseRequest(), &pause_reply);
-  const auto resume = control_->Resume(&resume_context, v1::ResumeRequest(), &resume_reply);
-  EXPECT_EQ(pause.error_code(), grpc::StatusCode::UNIMPLEMENTED);
-  EXPECT_NE(pause.error_message().find("mesorig stop"), std::string::npos);
-  EXPECT_EQ(resume.error_code(), grpc::StatusCode::UNIMPLEMENTED);
+TEST_F(ControlServiceTest, CommandsReachTheSequencer) {
+  {
+    grpc::ClientContext context;
+    v1::PauseRequest request;
+    v1::PauseReply reply;
+    request.set_reason("lunch");
+    EXPECT_TRUE(control_->Pause(&context, request, &reply).ok());
+  }
+  {
+    grpc::ClientContext context;
+    v1::PauseRequest request;
+    v1::PauseReply reply;
+    request.set_now(true);
+    EXPECT_TRUE(control_->Pause(&context, request, &reply).ok());
+  }
+  {
+    grpc::ClientContext context;
+    v1::ContinueReply reply;
+    EXPECT_TRUE(control_->Continue(&context, v1::ContinueRequest(), &reply).ok());
+  }
+  {
+    grpc::ClientContext context;
+    v1::AbortReply reply;
+    EXPECT_TRUE(control_->Abort(&context, v1::AbortRequest(), &reply).ok());
+  }
+  {
+    grpc::ClientContext context;
+    v1::ResetReply reply;
+    EXPECT_TRUE(control_->Reset(&context, v1::ResetRequest(), &reply).ok());
+  }
+  {
+    grpc::ClientContext context;
+    v1::StartReply reply;
+    EXPECT_TRUE(control_->Start(&context, v1::StartRequest(), &reply).ok());
+  }
+  EXPECT_EQ(sequencer_.commands(),
+            (std::vector<std::string>{"pause paused: lunch", "pause --now paused by a client",
+                                      "continue ", "abort aborted by a client", "reset ",
+                                      "start "}));
 }
 
 TEST_F(ControlServiceTest, AFaultIsToldAndNothingStartsAnyMore) {

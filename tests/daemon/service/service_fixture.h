@@ -18,14 +18,25 @@ namespace mesorig::daemon {
 
 class FakeSequencer final : public Sequencer {
  public:
-  Status Start(CompiledPlan plan, std::shared_ptr<Session> session) override {
+  Status CheckBegin(SequencerCommand how, const CompiledPlan&) override {
+    MutexLock lock(mutex_);
+    if (!early_refusal_.ok()) return early_refusal_;
+    if (Allowed(status_.state, how)) return OkStatus();
+    return FailedPrecondition("not possible while session {} is running", status_.session_id);
+  }
+  Status Begin(SequencerCommand how, SessionJob job) override {
     MutexLock lock(mutex_);
     if (!refusal_.ok()) return refusal_;
-    status_.state = SequencerState::kRunning;
-    status_.session_id = session->id();
-    status_.shots = plan.shots;
-    plan_ = std::move(plan);
-    session_ = std::move(session);
+    status_.state =
+        how == SequencerCommand::kArm ? SequencerState::kArmed : SequencerState::kRunning;
+    status_.session_id = job.session->id();
+    status_.shots = job.plan.shots;
+    job_ = std::move(job);
+    return OkStatus();
+  }
+  Status Command(SequencerCommand command, std::string_view reason) override {
+    MutexLock lock(mutex_);
+    commands_.emplace_back(fmt::format("{} {}", kCommandNames[static_cast<size_t>(command)], reason));
     return OkStatus();
   }
   Status Stop(std::string_view reason) override {
@@ -62,17 +73,35 @@ class FakeSequencer final : public Sequencer {
     MutexLock lock(mutex_);
     refusal_ = std::move(refusal);
   }
+  void RefuseEarly(Status refusal) {
+    MutexLock lock(mutex_);
+    early_refusal_ = std::move(refusal);
+  }
   void SetStatus(SequencerStatus status) {
     MutexLock lock(mutex_);
     status_ = std::move(status);
   }
   std::shared_ptr<Session> session() const {
     MutexLock lock(mutex_);
-    return session_;
+    return job_.session;
+  }
+  SessionJob job() const {
+    MutexLock lock(mutex_);
+    return job_;
+  }
+  // Lets go of the session, as the real one does at its end.
+  void Release() {
+    MutexLock lock(mutex_);
+    job_.session.reset();
+    status_ = {};
   }
   CompiledPlan plan() const {
     MutexLock lock(mutex_);
-    return plan_;
+    return job_.plan;
+  }
+  std::vector<std::string> commands() const {
+    MutexLock lock(mutex_);
+    return commands_;
   }
   std::vector<std::string> stopped() const {
     MutexLock lock(mutex_);
@@ -81,10 +110,10 @@ class FakeSequencer final : public Sequencer {
 
  private:
   mutable Mutex mutex_;
-  Status refusal_ GUARDED_BY(mutex_);
+  Status refusal_ GUARDED_BY(mutex_), early_refusal_ GUARDED_BY(mutex_);
+  std::vector<std::string> commands_ GUARDED_BY(mutex_);
   SequencerStatus status_ GUARDED_BY(mutex_);
-  CompiledPlan plan_ GUARDED_BY(mutex_);
-  std::shared_ptr<Session> session_ GUARDED_BY(mutex_);  // as the real one holds it
+  SessionJob job_ GUARDED_BY(mutex_);  // as the real one holds it
   std::vector<std::string> stopped_ GUARDED_BY(mutex_);
   std::function<void(const SequencerEvent&)> listener_ GUARDED_BY(mutex_);
 };

@@ -1,0 +1,25 @@
+#include "daemon/control/operator_visit.h"
+
+namespace mesorig::daemon {
+
+Status VisitRig(const RunContext& context, RigPower& power, CameraArray& cameras, std::string text,
+                std::string mount) {
+  MESORIG_RETURN_IF_ERROR(power.Down());
+  context.chain.Disarm();  // the door is meant to open
+  context.activity.Suspend();
+  bool waited = false;
+  const Status asked = context.desk.Ask(std::move(text), std::move(mount), [&] {
+    waited = context.on_wait(true);
+    return waited;
+  });
+  context.activity.Continue();
+  context.chain.Arm();
+  if (waited) context.on_wait(false);
+  MESORIG_RETURN_IF_ERROR(asked);
+  MESORIG_RETURN_IF_ERROR(context.chain.Check());
+  context.board.SetChain(context.chain.levels());
+  cameras.Chill();
+  return power.AxesOn(HomeWhich::kUnreferenced);  // those that lost their reference
+}
+
+}  // namespace mesorig::daemon
