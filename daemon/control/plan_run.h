@@ -43,7 +43,7 @@ class PlanRun {
 
   // Unless it ends with kDone the caller calls MakeSafe.
   RunResult Go();
-  void MakeSafe() { power_.MakeSafe(); }
+  Status MakeSafe() { return power_.MakeSafe(); }
   // A device failed: that it is back is journaled once everything is up again.
   void ExpectRecovery(std::string failure) { failure_ = std::move(failure); }
   Status Park() { return power_.Park(); }

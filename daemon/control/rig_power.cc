@@ -1,11 +1,13 @@
 #include "daemon/control/rig_power.h"
 
+#include <functional>
 #include <vector>
 
 namespace mesorig::daemon {
 namespace {
 
 constexpr double kHomingMargin_s = 30;
+constexpr int kSafeAttempts = 3;
 
 }  // namespace
 
@@ -55,20 +57,33 @@ Status RigPower::Down() {
   return stance_.ReadLevels().status();
 }
 
-void RigPower::MakeSafe() {
-  const auto note = [&](std::string_view what, const Status& status) {
+Status RigPower::MakeSafe() {
+  Status off;
+  const auto insist = [&](std::string_view what, const std::function<Status()>& action) {
+    Status status = action();
+    for (int attempt = 1; attempt < kSafeAttempts && !status.ok(); ++attempt) {
+      context_.on_note(fmt::format("{}: {}", what, Message(status)));
+      status = action();
+    }
     if (!status.ok()) context_.on_note(fmt::format("{}: {}", what, Message(status)));
+    if (off.ok() && !status.ok()) off = Annotate(status, what);
   };
   stance_.Forget();
   cameras_.Chill();
   if (context_.gate != nullptr) context_.gate->Shut();  // the one-shot does the rest
-  note("lamps off", context_.devices.lamps->AllOff());
+  insist("lamps off", [&] { return context_.devices.lamps->AllOff(); });
   // All of them first: a drive that does not answer must not delay the next one's stop.
-  for (Axis* axis : context_.devices.axes) note("quick stop", axis->QuickStop());
-  for (Axis* axis : context_.devices.axes) note("torque off", axis->Disable());
-  if (context_.sweeps()) note("laser's motor off", context_.devices.laser->Stop());
+  for (Axis* axis : context_.devices.axes) {
+    insist("quick stop", [&] { return axis->QuickStop(); });
+  }
+  for (Axis* axis : context_.devices.axes) {
+    insist("torque off", [&] { return axis->Disable(); });
+  }
+  if (context_.sweeps()) insist("laser's motor off", [&] { return context_.devices.laser->Stop(); });
   stance_.ReadAxes();
-  note("reading lamps", stance_.ReadLevels().status());
+  const Status read = stance_.ReadLevels().status();
+  if (!read.ok()) context_.on_note(fmt::format("reading lamps: {}", Message(read)));
+  return off;
 }
 
 Status RigPower::Park() {

@@ -21,8 +21,8 @@ class RigPower {
   // Torque off (before hands come near, or at the end); lamps and laser off.
   Status Down();
   // Whatever happened: lamps and laser off, axes quick-stopped, then torque off. Goes on after each
-  // failure; what failed is noted.
-  void MakeSafe();
+  // failure, tries again what failed, and notes it. Not OK: something may still be on.
+  Status MakeSafe();
   // All axes at home, then torque off. The chain is closed.
   Status Park();
   Status AxesOn(HomeWhich homing);

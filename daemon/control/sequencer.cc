@@ -133,6 +133,8 @@ Status SequencerImpl::Command(SequencerCommand command, std::string_view reason)
   MESORIG_RETURN_IF_ERROR(machine_.Check(command));
   if (command == SequencerCommand::kStart) MESORIG_RETURN_IF_ERROR(chain_.Check());
   if (command == SequencerCommand::kContinue) MESORIG_RETURN_IF_ERROR(chain_.MayGoOn());
+  // A bank that did not answer when the fault came may have left lamps on.
+  if (command == SequencerCommand::kReset) MESORIG_RETURN_IF_ERROR(devices_.lamps->AllOff());
   MESORIG_RETURN_IF_ERROR(machine_.Give(command, reason));
   if (command == SequencerCommand::kPauseNow || command == SequencerCommand::kAbort) {
     if (gate_) gate_->Shut();

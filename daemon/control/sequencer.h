@@ -93,6 +93,7 @@ class Sequencer {
   // `command`: kStart, kPause, kPauseNow, kContinue, kAbort or kReset. Returns when it is ordered,
   // not when it is done (GetStatus tells). FailedPrecondition as the state table says; of kStart and
   // kContinue also when the chain is open, or was while paused and reset was not pressed since.
+  // kReset switches the lamps off first: Unavailable when the bank does not answer.
   virtual Status Command(SequencerCommand command, std::string_view reason) = 0;
   // Lamps off and axes quick-stopped, at once; the session ends incomplete. Returns when the lamps
   // are off (Unavailable when the bank does not answer), not when the session has ended. When idle:

@@ -48,10 +48,14 @@ Status SessionRun::Run() {
                                              Message(result.status))) {
       context_.on_state();
     }
-    run_.MakeSafe();
+    const Status off = run_.MakeSafe();
     const Status status = Explain(result);
     if (const Status opening = context_.chain.Opening(); !opening.ok() && !absl::IsCancelled(status)) {
       return status;
+    }
+    // Nobody is told "at rest", and nothing is tried again, beside something that may still be on.
+    if (!off.ok()) {
+      return Unavailable("{}; then {}", Message(status), Message(off));
     }
     if (ByHand()) return EndByHand(status);
     const RunOrder order = context_.machine.order();
@@ -95,7 +99,7 @@ Status SessionRun::EndByHand(const Status& why) {
   const Status parked = run_.Park();
   if (parked.ok()) return cancelled;
   context_.on_note(fmt::format("parking: {}", Message(parked)));
-  run_.MakeSafe();
+  (void)run_.MakeSafe();
   return cancelled;
 }
 

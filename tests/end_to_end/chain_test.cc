@@ -100,13 +100,84 @@ TEST(Chain, StopAndEStopEndTheSessionIncomplete) {
   EXPECT_EQ(rig.Mesorig({"stop"}).code, 0) << "stop is welcome when idle";
 }
 
-TEST(Chain, UnimplementedSaysSo) {
-  RunningRig rig(false);
-  for (const char* command : {"pause", "resume"}) {
-    const Outcome outcome = rig.Mesorig({command});
-    EXPECT_EQ(outcome.code, 1);
-    EXPECT_THAT(outcome.text, HasSubstr("UNIMPLEMENTED"));
+// A plan that takes long enough to be interrupted.
+std::string ManyShots(const RunningRig& rig) {
+  std::string text = ReadFile(kTiny + "tiny_plan.toml").value();
+  const auto replace = [&](const std::string& from, const std::string& to) {
+    const size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    text.replace(at, from.size(), to);
+  };
+  replace("[0, 120]", "[0, 20, 40, 60, 80, 100, 120, 140]");
+  replace("[90, 210]", "[90, 110, 130, 150, 170, 190, 210]");
+  const std::string path = (rig.folder() / "many.toml").string();
+  EXPECT_TRUE(WriteFileAtomically(path, text).ok());
+  return path;
+}
+
+nlohmann::json StatusOf(const RunningRig& rig) {
+  const auto status = nlohmann::json::parse(rig.Mesorig({"status", "--json"}).text, nullptr, false);
+  return status.is_object() ? status : nlohmann::json::object();
+}
+
+// Host time: somebody looks until it is so.
+nlohmann::json AwaitState(const RunningRig& rig, const std::string& state) {
+  nlohmann::json status;
+  for (int i = 0; i < 2400; ++i) {
+    status = StatusOf(rig);
+    if (status.value("state", "") == state) return status;
+    ::usleep(25'000);
   }
+  ADD_FAILURE() << "never " << state << ": " << status.dump() << rig.Logs();
+  return status;
+}
+
+// Paused in the middle, and stopped and resumed: the frames are those of a run that was left alone.
+TEST(Chain, PausedStoppedAndResumedGivesTheSameFrames) {
+  RunningRig rig(false);
+  const std::string plan = ManyShots(rig);
+  const Outcome whole = rig.Mesorig({"run", plan, "--no-products", "--json"});
+  ASSERT_EQ(whole.code, 0) << whole.text << rig.Logs();
+  const std::string whole_id = nlohmann::json::parse(whole.text)["session_id"];
+  const auto digests = rig.SegmentDigests(whole_id);
+
+  ASSERT_EQ(rig.Mesorig({"run", plan, "--no-wait"}).code, 0);
+  const Outcome paused = rig.Mesorig({"pause", "--now", "a", "look"});
+  ASSERT_EQ(paused.code, 0) << paused.text;
+  const nlohmann::json status = AwaitState(rig, "PAUSED");
+  EXPECT_THAT(status.value("message", ""), HasSubstr("a look"));
+  EXPECT_EQ(rig.Mesorig({"run", plan, "--no-wait"}).code, 1) << "one at a time";
+  EXPECT_EQ(rig.Mesorig({"continue"}).code, 0);
+  AwaitState(rig, "IDLE");
+  EXPECT_EQ(rig.SegmentDigests(status.value("session_id", "")), digests);
+
+  ASSERT_EQ(rig.Mesorig({"run", plan, "--no-wait"}).code, 0);
+  ASSERT_EQ(rig.Mesorig({"stop", "enough"}).code, 0);
+  const std::string id = AwaitState(rig, "IDLE").value("session_id", "");
+  EXPECT_EQ(rig.Mesorig({"resume", id, "--sample", "cloth"}).code, 1) << "another sample";
+  EXPECT_EQ(rig.Mesorig({"resume", "none", "--sample", "weave"}).code, 2);
+  const Outcome resumed =
+      rig.Mesorig({"resume", id, "--sample", "weave", "--no-products", "--json"});
+  ASSERT_EQ(resumed.code, 0) << resumed.text << rig.Logs();
+  const auto figures = nlohmann::json::parse(resumed.text.substr(resumed.text.find('{')));
+  EXPECT_EQ(figures["frames_on_disk"], figures["frames_planned"]);
+  EXPECT_EQ(rig.SegmentDigests(id), digests);
+  EXPECT_EQ(rig.Mesorig({"resume", id, "--sample", "weave"}).code, 1) << "it is complete";
+}
+
+TEST(Chain, AbortParksAndEndsIncomplete) {
+  RunningRig rig(false);
+  const std::string plan = ManyShots(rig);
+  ASSERT_EQ(rig.Mesorig({"arm", plan}).code, 0);
+  EXPECT_EQ(StatusOf(rig).value("state", ""), "ARMED");
+  ASSERT_EQ(rig.Mesorig({"start"}).code, 0);
+  const Outcome aborted = rig.Mesorig({"abort", "enough"});
+  ASSERT_EQ(aborted.code, 0) << aborted.text;
+  const nlohmann::json status = AwaitState(rig, "IDLE");
+  EXPECT_THAT(status.value("message", ""), HasSubstr("enough"));
+  const Outcome refused = rig.Mesorig({"continue"});
+  EXPECT_EQ(refused.code, 1);
+  EXPECT_THAT(refused.text, HasSubstr("not possible while idle"));
 }
 
 TEST(Chain, TheDaemonSurvivesTheSimulatorAndLeavesInPeace) {

@@ -1,55 +1,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <thread>
-
-#include "tests/daemon/fakes/bench.h"
+#include "tests/daemon/fakes/laser_bench.h"
 
 namespace mesorig::daemon {
 namespace {
 
 using ::testing::HasSubstr;
 using Kind = SequencerEvent::Kind;
-
-// A bench whose operator answers each prompt at once, completely.
-class LaserBench : public Bench {
- public:
-  LaserBench() : Bench(SmallLaserRig()) {}
-  void Visit() {
-    lines.Set(rig.lines.door, false);
-    lines.Set(rig.lines.door, true);
-    lines.Set(rig.lines.reset, false);
-    lines.Set(rig.lines.reset, true);
-  }
-  SequencerEvent RunWithOperator(const CompiledPlan& plan) {
-    done_ = false;
-    std::thread operator_thread([&] {
-      while (!done_) {
-        const auto prompt = sequencer->GetStatus().prompt;
-        if (prompt && (prompts.empty() || prompts.back().id != prompt->id)) {
-          prompts.push_back(*prompt);
-          Visit();
-          (void)sequencer->Acknowledge(prompt->id);
-        }
-        std::this_thread::yield();
-      }
-    });
-    const SequencerEvent end = Run(plan);
-    done_ = true;
-    operator_thread.join();
-    return end;
-  }
-  void LetTimePass(double seconds) {
-    const RigClock::Member member(clock, "test");
-    const RigClock::Activity activity(clock, Pace::kFree);
-    clock.SleepFor(FromSeconds(seconds));
-  }
-  std::vector<OperatorPrompt> prompts;
-
- private:
-  std::atomic<bool> done_{false};
-};
 
 TEST(Sweep, TakesEveryFrameWithItsPlaceAndRegion) {
   LaserBench bench;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <condition_variable>
+#include <functional>
 
 #include "daemon/control/sequencer.h"
 #include "tests/daemon/fakes/fake_devices.h"
@@ -49,7 +50,23 @@ class Bench {
     job.session = session;
     job.resumed = how == SequencerCommand::kResume;
     job.accept_reference = accept_reference;
-    return sequencer->Begin(how, std::move(job));
+    return Begin(how, std::move(job));
+  }
+  Status Begin(SequencerCommand how, SessionJob job) {
+    const Status status = sequencer->Begin(how, std::move(job));
+    std::lock_guard lock(mutex_);
+    begun_ += status.ok();
+    return status;
+  }
+  // Until nothing happens by itself any more.
+  SequencerState AwaitStable() {
+    SequencerState state{};
+    AwaitTrue([&] {
+      state = sequencer->GetStatus().state;
+      if (!InSession(state)) return Count(SequencerEvent::Kind::kEnded) == begun_;
+      return RowOf(state).off;
+    });
+    return state;
   }
   // Runs the plan to its end.
   SequencerEvent Run(const CompiledPlan& plan, SequencerCommand how = SequencerCommand::kRun) {
@@ -71,8 +88,12 @@ class Bench {
   }
   // Until the sequencer says that it is in this state.
   void AwaitState(SequencerState state) {
+    AwaitTrue([&] { return sequencer->GetStatus().state == state; });
+  }
+  // Looks again at each event.
+  void AwaitTrue(const std::function<bool()>& what) {
     std::unique_lock lock(mutex_);
-    ended_.wait(lock, [&] { return sequencer->GetStatus().state == state; });
+    ended_.wait(lock, what);
   }
   // Until the listener has seen such an event (there may be one already).
   void AwaitEvent(SequencerEvent::Kind kind, size_t count = 1) {
@@ -113,6 +134,7 @@ class Bench {
                          [&](const SequencerEvent& event) { return event.kind == kind; });
   }
   Devices devices_;
+  size_t begun_ = 0;
   mutable std::mutex mutex_;
   std::condition_variable ended_;
 };

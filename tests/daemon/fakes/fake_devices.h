@@ -2,6 +2,7 @@
 // Devices of a rig in memory, with one log of what was asked of them in which order. The listener
 // of the log is called before each operation takes effect; what it returns fails the operation.
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <map>
@@ -183,7 +184,8 @@ class FakeLines final : public DigitalLines {
     StatusOr<bool> level = true;
     const RigTime now = clock_.Now();
     clock_.Read([&] {
-      if (broken_) {
+      if (broken_ || fail_reads_ > 0) {
+        fail_reads_ = std::max(0, fail_reads_ - 1);
         level = Unavailable("chip gone");
       } else if (line == on_) {
         level = now < lit_until_;
@@ -238,6 +240,15 @@ class FakeLines final : public DigitalLines {
   void Break() {
     clock_.Change([&] { broken_ = true; });
   }
+  void Mend() {
+    clock_.Change([&] {
+      broken_ = false;
+      fail_reads_ = 0;
+    });
+  }
+  void FailReads(int reads) {
+    clock_.Change([&] { fail_reads_ = reads; });
+  }
 
  private:
   RigClock& clock_;
@@ -245,6 +256,7 @@ class FakeLines final : public DigitalLines {
   int trigger_ = -1, on_ = -1, edges_ = 0;
   RigTime lit_until_{};
   bool broken_ = false;
+  int fail_reads_ = 0;
   std::function<void(int, bool, RigTime)> on_edge_;
 };
 
@@ -254,10 +266,16 @@ class FakeCamera final : public Camera {
              const mesorig::Camera& camera)
       : clock_(clock), stop_(stop), log_(log), camera_(camera) {}
   std::set<uint32_t> lost_triggers;  // of these no frame comes
+  // What is wrong with the frames of these triggers.
+  std::map<uint32_t, std::function<void(CapturedFrame&)>> tampered;
+  // A picture, by trigger and exposure; none: all of one value.
+  std::function<std::string(uint32_t trigger, double exposure_s, size_t bytes)> picture;
+  uint32_t repeat_index = 0;
   const std::string& name() const override { return camera_.name; }
   Status Open() override { return log_.Add(camera_.name + " open"); }
-  Status Configure(double exposure_s, const Region& region, uint32_t) override {
+  Status Configure(double exposure_s, const Region& region, uint32_t repeat) override {
     MESORIG_RETURN_IF_ERROR(log_.Add(fmt::format("{} exposure {}", camera_.name, exposure_s)));
+    repeat_index = repeat;
     exposure_s_ = exposure_s;
     region_ = region;
     return OkStatus();
@@ -280,7 +298,12 @@ class FakeCamera final : public Camera {
                         region_.width, region_.height, camera_.bits,  nullptr};
     const auto pixels = static_cast<size_t>(region_.width) * static_cast<size_t>(region_.height);
     frame.pixels = std::make_shared<const std::string>(
-        pixels * static_cast<size_t>(camera_.bytes_per_pixel()), 'p');
+        picture ? picture(trigger_id, exposure_s_,
+                          pixels * static_cast<size_t>(camera_.bytes_per_pixel()))
+                : std::string(pixels * static_cast<size_t>(camera_.bytes_per_pixel()), '\1'));
+    if (const auto wrong = tampered.find(trigger_id); wrong != tampered.end()) {
+      wrong->second(frame);
+    }
     return frame;
   }
   uint64_t dropped_frames() const override { return 0; }

@@ -75,6 +75,11 @@ class FakeSession final : public Session {
     std::lock_guard lock(mutex_);
     return reference_;
   }
+  // This frame is not there any more.
+  void Lose(uint32_t shot, int camera) {
+    std::lock_guard lock(mutex_);
+    live_.erase({shot, camera});
+  }
   // These frames turn out damaged at the next look.
   void Damage(uint32_t shot, int camera) {
     std::lock_guard lock(mutex_);
