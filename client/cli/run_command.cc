@@ -230,7 +230,7 @@ Command AddResumeCommand(CLI::App& app, Common& common) {
                      "The name of the sample that lies on the rig: must be the session's")
       ->required();
   resume->add_option("--reshoot", options->reshoot,
-                     "Shots to take again though they are there, as `3,7-9` or `3:cam2`");
+                     "Frames to take again though they are there, as `shots 10-20, camera cam3`");
   resume->add_flag("--accept-reference", options->accept_reference,
                    "Go on though the reference frame differs from the one on the disk");
   AddFollowOptions(*resume, options->run);

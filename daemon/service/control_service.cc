@@ -5,6 +5,7 @@
 #include "daemon/service/convert.h"
 #include "protocol/base/log.h"
 #include "protocol/base/program.h"
+#include "protocol/plan/shot_selection.h"
 #include "protocol/wire/channel.h"
 #include "protocol/wire/grpc_status.h"
 
@@ -125,6 +126,10 @@ Status ControlService::Resume(const v1::ResumeSessionRequest& request, v1::RunRe
     MESORIG_ASSIGN_OR_RETURN(const auto session, sessions_.Find(request.session_id()));
     MESORIG_ASSIGN_OR_RETURN(job.plan, UnpackPlan(session->plan_bin(), rig_));
   }
+  ShotSelection again;
+  if (!request.reshoot().empty()) {
+    MESORIG_ASSIGN_OR_RETURN(again, ParseShotSelection(request.reshoot(), job.plan, rig_));
+  }
   if (job.plan.sample_name != request.sample_name()) {
     return FailedPrecondition("session {} is of sample \"{}\", not of \"{}\"",
                               request.session_id(), job.plan.sample_name, request.sample_name());
@@ -132,8 +137,13 @@ Status ControlService::Resume(const v1::ResumeSessionRequest& request, v1::RunRe
   MESORIG_RETURN_IF_ERROR(sequencer_.CheckBegin(SequencerCommand::kResume, job.plan));
   MESORIG_ASSIGN_OR_RETURN(job.session, sessions_.Resume(request.session_id(), rig_));
   const std::shared_ptr<Session> session = job.session;
-  const Status begun =
-      BeginSession(SequencerCommand::kResume, std::move(job), reply, stops_before);
+  Status begun;
+  for (const SelectedShot& selected : again) {
+    if (begun.ok()) begun = session->Forget(selected.shot, selected.cameras);
+  }
+  if (begun.ok()) {
+    begun = BeginSession(SequencerCommand::kResume, std::move(job), reply, stops_before);
+  }
   if (!begun.ok()) {
     const Status ended = session->Finish(false, Message(begun), 0, 0, true);
     if (!ended.ok()) spdlog::error("session {}: {}", session->id(), Message(ended));
