@@ -79,6 +79,8 @@ Status PlanRun::Prepare() {
   Status status = power_.Up(all ? HomeWhich::kAll : HomeWhich::kUnreferenced);
   if (status.ok()) {
     homed_all_ = true;
+    // A laser unit that was off has lost its zero: the mount is asked for again.
+    if (mount_ >= 0 && absl::IsUnavailable(context_.devices.laser->Read().status())) mount_ = -1;
     if (!failure_.empty()) status = book_.Record(JournalKind::kRecovered, -1, 0, failure_);
     failure_.clear();
   }
@@ -232,12 +234,14 @@ Status PlanRun::ShootOnce(size_t index, const Place& place, double exposure_s,
   MESORIG_RETURN_IF_ERROR(stance_.Reach(place.stance));
   MESORIG_ASSIGN_OR_RETURN(auto levels, stance_.ReadLevels());
   MESORIG_RETURN_IF_ERROR(stance_.CheckLit(levels));
+  MESORIG_RETURN_IF_ERROR(stance_.CheckHolds());
   book_.SetReadBack(stance_.ReadAxes(), std::move(levels));
   MESORIG_RETURN_IF_ERROR(cameras_.Trigger(cameras));
   const RigTime deadline = cameras_.Deadline(cameras);
   const Status exposed =
       context_.devices.stop->Wait(cameras_.ExposureEnd(cameras), [] { return false; });
   if (absl::IsCancelled(exposed)) return exposed;
+  MESORIG_RETURN_IF_ERROR(stance_.CheckHolds());  // it stood through the exposure
   // From here on the rig is on its way to the next shot, while the cameras read out.
   const Status approach = ApproachNext(index, place);
   const auto take = [&](int camera, const CapturedFrame& frame) {

@@ -134,6 +134,11 @@ Status RigStance::AwaitLight() {
                      settle_s * kSettleTimes, read_back);
 }
 
+Status RigStance::CheckHolds() const {
+  for (const Axis* axis : context_.devices.axes) MESORIG_RETURN_IF_ERROR(axis->CheckHolds());
+  return OkStatus();
+}
+
 std::vector<double> RigStance::ReadAxes() {
   std::vector<double> positions;
   for (size_t i = 0; i < context_.devices.axes.size(); ++i) {

@@ -30,6 +30,8 @@ class RigStance {
   // the axis or lamp is named; Cancelled: the StopFlag is up.
   Status Reach(const Stance& wanted);
 
+  // Unavailable when an axis does not stand where it was moved to.
+  Status CheckHolds() const;
   std::vector<double> ReadAxes();          // also to the board
   StatusOr<std::vector<double>> ReadLevels();
   // Unavailable when the lamp that should shine has lost light since it was steady.
