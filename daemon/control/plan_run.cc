@@ -195,8 +195,7 @@ Status PlanRun::TakeStep(size_t index, const Place& place) {
     return FailedPrecondition("plan {}: sweep {} is of mount {}, the laser is at {}",
                               context_.plan.name, step.sweep.index, step.sweep.mount, mount_);
   }
-  MESORIG_RETURN_IF_ERROR(stance_.Reach(place.stance));
-  return sweeps_.Take(step);
+  return sweeps_.Take(step, place.stance);
 }
 
 StatusOr<double> PlanRun::ExposureOf(const Step& step) const {

@@ -7,8 +7,9 @@ namespace mesorig::daemon {
 namespace {
 
 constexpr double kMoveMargin_s = 5;
-// Light is steady: this near to full (or to dark), and two readings this near to each other.
-constexpr double kSteadyLevel = 0.002, kSteadyChange = 0.001;
+// Light is steady: this near to full (or to dark), and two readings this near to each other: the
+// bank reads whole per mille, and the first of the two is taken an eighth of the settling time before.
+constexpr double kSteadyLevel = 0.002, kSteadyChange = 0.0025;
 constexpr int kPollsPerSettle = 8, kSettleTimes = 4;
 // A lamp that lost this much between settling and the shot went off (supply, communication loss).
 constexpr double kLostLevel = 0.02;
@@ -40,7 +41,7 @@ Status RigStance::Reach(const Stance& wanted) {
   // In this order: light is read at set times, axes say themselves when they arrived.
   MESORIG_RETURN_IF_ERROR(AwaitLight());
   MESORIG_RETURN_IF_ERROR(AwaitAxes());
-  return Wait(arrived_ + FromSeconds(wanted.settle_s));
+  return Wait(std::max(rested_, arrived_ + FromSeconds(wanted.settle_s)));
 }
 
 Status RigStance::StartAxes(const std::vector<double>& axis_rad) {
@@ -76,7 +77,10 @@ Status RigStance::AwaitAxes() {
     }
     axes_[i].moving = false;
     moved = true;
-    arrived_ = std::max(arrived_, context_.devices.axes[i]->Read().read_at);
+    const RigTime at = context_.devices.axes[i]->Read().read_at;
+    arrived_ = std::max(arrived_, at);
+    // (A resumed plan moves axes that its own order would have left where they are.)
+    rested_ = std::max(rested_, at + FromSeconds(context_.rig.axes[i].settle_s));
   }
   if (moved) ReadAxes();
   return OkStatus();

@@ -53,6 +53,7 @@ class RigStance {
   };
   std::vector<AxisState> axes_;
   RigTime arrived_{};  // the last axis
+  RigTime rested_{};   // each axis that moved, by what it needs itself
   std::optional<int> lamp_;  // commanded last; none: unknown
   RigTime switched_{};
   bool steady_ = false;

@@ -11,15 +11,16 @@ constexpr double kRunUpMargin_s = 5;  // beyond what the sweep's way before its 
 
 }  // namespace
 
-Status Sweeps::Take(const Step& step) {
+Status Sweeps::Take(const Step& step, const Stance& stance) {
   Owed owed;
   for (uint32_t i = 0; i < step.sweep.frames; ++i) owed.push_back(book_.Owed(step, i));
   MESORIG_RETURN_IF_ERROR(
       cameras_.Configure(step.cameras, step.exposure_s, step.sweep.regions, step.repeat));
+  MESORIG_RETURN_IF_ERROR(stance_.Begin(stance));
   MESORIG_RETURN_IF_ERROR(cameras_.WarmUp(step.cameras));
   Status missing;
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
-    MESORIG_RETURN_IF_ERROR(Once(step, owed, missing));
+    MESORIG_RETURN_IF_ERROR(Once(step, stance, owed, missing));
     const bool complete =
         std::all_of(owed.begin(), owed.end(), [](const auto& cameras) { return cameras.empty(); });
     if (complete) return OkStatus();
@@ -32,14 +33,17 @@ Status Sweeps::Take(const Step& step) {
 
 // One way of the emitter. Frames that an earlier way left owing are taken on this one, where the
 // sheet stands nearly as it did: each frame's own stripe tells where.
-Status Sweeps::Once(const Step& step, Owed& owed, Status& missing) {
+Status Sweeps::Once(const Step& step, const Stance& stance, Owed& owed, Status& missing) {
   const Sweep& sweep = step.sweep;
   LineLaser& laser = *context_.devices.laser;
-  MESORIG_ASSIGN_OR_RETURN(auto levels, stance_.ReadLevels());
-  book_.SetReadBack(stance_.ReadAxes(), std::move(levels));
+  MESORIG_RETURN_IF_ERROR(stance_.Begin(stance));
   const double steps = std::max(1.0, sweep.frames - 1.0);
   const double wanted = (sweep.tilt_to_rad - sweep.tilt_from_rad) / steps * sweep.frame_rate_hz;
   MESORIG_RETURN_IF_ERROR(laser.Prepare(sweep.tilt_from_rad, wanted));
+  MESORIG_RETURN_IF_ERROR(stance_.Reach(stance));
+  MESORIG_ASSIGN_OR_RETURN(auto levels, stance_.ReadLevels());
+  MESORIG_RETURN_IF_ERROR(stance_.CheckHolds());
+  book_.SetReadBack(stance_.ReadAxes(), std::move(levels));
   Status status = ShootFrames(step, wanted, owed, missing);
   // Also after an error: the laser goes off before anything else happens.
   const Status halted = laser.Stop();
