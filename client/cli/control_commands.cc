@@ -154,20 +154,19 @@ Command AddAbortCommand(CLI::App& app, Common& common) {
       "abort", "Lamps and laser off, axes parked at home; the session ends incomplete");
   abort->add_option("reason", *words, "Why, for the journal");
   return {abort, [words, &common] {
-            return Order(common, [&](DaemonClient& daemon) { return daemon.Abort(Joined(*words)); });
+            return Order(common,
+                         [&](DaemonClient& daemon) { return daemon.Abort(Joined(*words)); });
           }};
 }
 
 Command AddResetCommand(CLI::App& app, Common& common) {
-  return {app.add_subcommand("reset", "Leave a fault"), [&common] {
-            return Order(common, [](DaemonClient& daemon) { return daemon.Reset(); });
-          }};
+  return {app.add_subcommand("reset", "Leave a fault"),
+          [&common] { return Order(common, [](DaemonClient& daemon) { return daemon.Reset(); }); }};
 }
 
 Command AddStartCommand(CLI::App& app, Common& common) {
-  return {app.add_subcommand("start", "Begin the plan that is armed"), [&common] {
-            return Order(common, [](DaemonClient& daemon) { return daemon.Start(); });
-          }};
+  return {app.add_subcommand("start", "Begin the plan that is armed"),
+          [&common] { return Order(common, [](DaemonClient& daemon) { return daemon.Start(); }); }};
 }
 
 }  // namespace mesorig::client

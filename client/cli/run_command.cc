@@ -204,8 +204,9 @@ Command AddArmCommand(CLI::App& app, Common& common) {
   auto options = std::make_shared<RunOptions>();
   options->no_wait = true;
   CLI::App* arm = app.add_subcommand(
-      "arm", "Check a plan against rig, chain and disk and journal its session; nothing moves "
-             "until `mesorig start`");
+      "arm",
+      "Check a plan against rig, chain and disk and journal its session; nothing moves "
+      "until `mesorig start`");
   arm->add_option("plan", options->plan, "Plan file (plans/*.toml)")->required();
   return {arm, [options, &common]() -> Status {
             MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(options->plan, kMaxPlan));
@@ -223,11 +224,13 @@ Command AddResumeCommand(CLI::App& app, Common& common) {
   };
   auto options = std::make_shared<Options>();
   CLI::App* resume = app.add_subcommand(
-      "resume", "Go on with a session that was killed, stopped, aborted or failed: what is missing "
-                "is taken");
+      "resume",
+      "Go on with a session that was killed, stopped, aborted or failed: what is missing "
+      "is taken");
   resume->add_option("session", options->session, "Its id (`mesorig sessions`)")->required();
-  resume->add_option("--sample", options->sample,
-                     "The name of the sample that lies on the rig: must be the session's")
+  resume
+      ->add_option("--sample", options->sample,
+                   "The name of the sample that lies on the rig: must be the session's")
       ->required();
   resume->add_option("--reshoot", options->reshoot,
                      "Frames to take again though they are there, as `shots 10-20, camera cam3`");

@@ -44,9 +44,7 @@ class Signals {
   sigset_t set_{};
 };
 
-bool Runs(const Sequencer& sequencer) {
-  return InSession(sequencer.GetStatus().state);
-}
+bool Runs(const Sequencer& sequencer) { return InSession(sequencer.GetStatus().state); }
 
 // Whatever hangs: lamps have a communication-loss timeout, drives a heartbeat, and the ledger
 // survives a kill.

@@ -1,5 +1,6 @@
 #pragma once
-// All cameras of the rig as one: settings, warm-up, one trigger in one instant, and what came of it.
+// All cameras of the rig as one: settings, warm-up, one trigger in one instant, and what came of
+// it.
 
 #include <functional>
 #include <vector>

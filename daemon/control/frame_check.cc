@@ -24,8 +24,9 @@ Status CheckFrame(const mesorig::Camera& camera, const ExpectedFrame& expected,
                            Seconds(frame.exposure_start), Seconds(expected.triggered_at)));
   }
   if (frame.exposure_start > expected.deadline) {
-    return bad(fmt::format("exposed from {:.6f} s, after its deadline at {:.6f} s: its clock jumped",
-                           Seconds(frame.exposure_start), Seconds(expected.deadline)));
+    return bad(
+        fmt::format("exposed from {:.6f} s, after its deadline at {:.6f} s: its clock jumped",
+                    Seconds(frame.exposure_start), Seconds(expected.deadline)));
   }
   if (now > expected.deadline) {
     return bad(fmt::format("late: came at {:.6f} s, expected until {:.6f} s", Seconds(now),
@@ -37,10 +38,11 @@ Status CheckFrame(const mesorig::Camera& camera, const ExpectedFrame& expected,
   const size_t came = frame.pixels == nullptr ? 0 : frame.pixels->size();
   if (frame.width != expected.region.width || frame.height != expected.region.height ||
       frame.bits != camera.bits || came != bytes) {
-    return bad(fmt::format("torn: {} x {} pixels of {} bits, {} bytes; {} x {} of {} bits, {} bytes "
-                           "were asked for",
-                           frame.width, frame.height, frame.bits, came, expected.region.width,
-                           expected.region.height, camera.bits, bytes));
+    return bad(
+        fmt::format("torn: {} x {} pixels of {} bits, {} bytes; {} x {} of {} bits, {} bytes "
+                    "were asked for",
+                    frame.width, frame.height, frame.bits, came, expected.region.width,
+                    expected.region.height, camera.bits, bytes));
   }
   return OkStatus();
 }

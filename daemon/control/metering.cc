@@ -18,8 +18,8 @@ StatusOr<size_t> BadPixels(const RunContext& context, CameraArray& cameras, cons
     MESORIG_RETURN_IF_ERROR(cameras.Trigger(owing));
     MESORIG_RETURN_IF_ERROR(cameras.Collect(
         cameras.Deadline(owing), owing, missing, [&](int camera, const CapturedFrame& frame) {
-          const PictureFigures figures = MeasurePicture(
-              context.rig.cameras[camera], frame.width, frame.height, *frame.pixels, 1);
+          const PictureFigures figures = MeasurePicture(context.rig.cameras[camera], frame.width,
+                                                        frame.height, *frame.pixels, 1);
           bad += figures.saturated + figures.dark;
           return OkStatus();
         }));

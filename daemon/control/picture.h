@@ -23,8 +23,8 @@ struct PictureFigures {
   double dark_fraction() const { return pixels == 0 ? 0 : double(dark) / double(pixels); }
 };
 
-// `pixels`: width x height of the camera's bits, as in CapturedFrame. Looks at one cell of the Bayer
-// pattern in `stride` x `stride` cells (1: at every pixel).
+// `pixels`: width x height of the camera's bits, as in CapturedFrame. Looks at one cell of the
+// Bayer pattern in `stride` x `stride` cells (1: at every pixel).
 PictureFigures MeasurePicture(const mesorig::Camera& camera, int width, int height,
                               std::string_view pixels, int stride);
 // So that about 16,000 pixels are looked at.

@@ -114,9 +114,9 @@ void PlanRun::Fold(const Step& step, Place& place) {
 bool PlanRun::Wants(const Step& step) const {
   if (step.kind != StepKind::kMeter) return book_.OwesAnything(step);
   if (context_.session.MeteredExposure(step.meter)) return false;
-  return std::any_of(
-      context_.plan.steps.begin(), context_.plan.steps.end(),
-      [&](const Step& shot) { return shot.meter == step.meter && book_.OwesAnything(shot); });
+  return std::any_of(context_.plan.steps.begin(), context_.plan.steps.end(), [&](const Step& shot) {
+    return shot.meter == step.meter && book_.OwesAnything(shot);
+  });
 }
 
 Status PlanRun::Walk() {
@@ -294,12 +294,11 @@ Status PlanRun::ShootReference(const Step& step, const Place& place, const Store
   StatusOr<double> difference = 0.0;
   for (int attempt = 0; attempt < kShotAttempts && !pending.empty(); ++attempt) {
     MESORIG_RETURN_IF_ERROR(cameras_.Trigger(pending));
-    MESORIG_RETURN_IF_ERROR(cameras_.Collect(cameras_.Deadline(pending), pending, missing,
-                                             [&](int, const CapturedFrame& frame) {
-                                               difference = RelativeDifference(
-                                                   description, *reference.pixels, *frame.pixels);
-                                               return difference.status();
-                                             }));
+    MESORIG_RETURN_IF_ERROR(cameras_.Collect(
+        cameras_.Deadline(pending), pending, missing, [&](int, const CapturedFrame& frame) {
+          difference = RelativeDifference(description, *reference.pixels, *frame.pixels);
+          return difference.status();
+        }));
   }
   if (!pending.empty()) return missing;
   MESORIG_RETURN_IF_ERROR(book_.Record(JournalKind::kReference, camera, *difference,

@@ -23,12 +23,12 @@ struct ReferenceCheck {
 
 // How a way through the plan ended.
 enum class RunEnd {
-  kDone,      // nothing is missing, everything is off
-  kPause,     // at a safe step, as ordered
-  kStorage,   // at a safe step: the disk takes nothing
-  kFailed,    // a device failed, or a command cut it short; what it needs is on somebody else
-  kRefused,   // going on is not permitted: the reference frame is another one, or the plan is wrong
-  kSession,   // the session takes nothing any more
+  kDone,     // nothing is missing, everything is off
+  kPause,    // at a safe step, as ordered
+  kStorage,  // at a safe step: the disk takes nothing
+  kFailed,   // a device failed, or a command cut it short; what it needs is on somebody else
+  kRefused,  // going on is not permitted: the reference frame is another one, or the plan is wrong
+  kSession,  // the session takes nothing any more
 };
 
 struct RunResult {
@@ -87,9 +87,9 @@ class PlanRun {
   ReferenceCheck reference_;
   std::string failure_;  // that is to be recovered from
   bool homed_all_ = false;
-  int mount_ = -1;                 // where the operator put the laser in this run
+  int mount_ = -1;                  // where the operator put the laser in this run
   const Step* answered_ = nullptr;  // the prompt whose request the rig stands in
-  std::optional<RunEnd> end_;      // why a walk ended, when it is not a device
+  std::optional<RunEnd> end_;       // why a walk ended, when it is not a device
   double preparation_s_ = 0;
 };
 

@@ -79,7 +79,8 @@ Status RigPower::MakeSafe() {
   for (Axis* axis : context_.devices.axes) {
     insist("torque off", [&] { return axis->Disable(); });
   }
-  if (context_.sweeps()) insist("laser's motor off", [&] { return context_.devices.laser->Stop(); });
+  if (context_.sweeps())
+    insist("laser's motor off", [&] { return context_.devices.laser->Stop(); });
   stance_.ReadAxes();
   const Status read = stance_.ReadLevels().status();
   if (!read.ok()) context_.on_note(fmt::format("reading lamps: {}", Message(read)));

@@ -8,7 +8,8 @@ namespace {
 
 constexpr double kMoveMargin_s = 5;
 // Light is steady: this near to full (or to dark), and two readings this near to each other: the
-// bank reads whole per mille, and the first of the two is taken an eighth of the settling time before.
+// bank reads whole per mille, and the first of the two is taken an eighth of the settling time
+// before.
 constexpr double kSteadyLevel = 0.002, kSteadyChange = 0.0025;
 constexpr int kPollsPerSettle = 8, kSettleTimes = 4;
 // A lamp that lost this much between settling and the shot went off (supply, communication loss).

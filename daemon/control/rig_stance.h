@@ -32,7 +32,7 @@ class RigStance {
 
   // Unavailable when an axis does not stand where it was moved to.
   Status CheckHolds() const;
-  std::vector<double> ReadAxes();          // also to the board
+  std::vector<double> ReadAxes();  // also to the board
   StatusOr<std::vector<double>> ReadLevels();
   // Unavailable when the lamp that should shine has lost light since it was steady.
   Status CheckLit(const std::vector<double>& levels) const;
@@ -52,8 +52,8 @@ class RigStance {
     RigTime deadline{};
   };
   std::vector<AxisState> axes_;
-  RigTime arrived_{};  // the last axis
-  RigTime rested_{};   // each axis that moved, by what it needs itself
+  RigTime arrived_{};        // the last axis
+  RigTime rested_{};         // each axis that moved, by what it needs itself
   std::optional<int> lamp_;  // commanded last; none: unknown
   RigTime switched_{};
   bool steady_ = false;

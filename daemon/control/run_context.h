@@ -35,7 +35,7 @@ struct RunContext {
   std::function<void(const std::string&)> on_note;      // logged and journaled
   // Nothing is missing: reconciles and ends the session. Unavailable while the disk takes nothing.
   std::function<Status()> finish;
-  std::function<void()> on_state;                       // the machine moved
+  std::function<void()> on_state;  // the machine moved
   std::function<void(int camera, const std::string&)> on_alarm;
   // The operator is asked (true), or is done. False: a command came first, nobody is asked.
   std::function<bool(bool waiting)> on_wait;

@@ -69,8 +69,8 @@ class SequencerImpl final : public Sequencer {
   // Guarded by the clock's lock:
   std::optional<SessionJob> job_;
   bool closing_ = false;
-  SequencerStatus status_;             // but for what the machine and the board hold
-  std::weak_ptr<Session> session_;     // of the run under way
+  SequencerStatus status_;          // but for what the machine and the board hold
+  std::weak_ptr<Session> session_;  // of the run under way
   RigTime run_started_{};
   bool finished_ = false;  // the end is written; of the sequencer's thread
 
@@ -230,8 +230,7 @@ void SequencerImpl::Loop() {
 
 bool SequencerImpl::AwaitStart(Status& why) {
   if (machine_.state() == SequencerState::kArmed) Emit(Kind::kState, "");
-  clock_.WaitUntil(
-      kNever, [&] { return machine_.StateInsideChange() != SequencerState::kArmed; });
+  clock_.WaitUntil(kNever, [&] { return machine_.StateInsideChange() != SequencerState::kArmed; });
   const RunOrder order = machine_.order();
   if (order != RunOrder::kStop && order != RunOrder::kAbort) return true;
   why = Cancelled("{}", machine_.message());
@@ -327,15 +326,15 @@ RunContext SequencerImpl::MakeContext(const SessionJob& job, RigClock::Activity&
           [this](int camera, const std::string& text) {
             spdlog::warn("{}", text);
             clock_.Change([&] { ++status_.alarms; });
-            Emit(Kind::kAlarm, text, [&](SequencerEvent& event) { event.camera = rig_.cameras[camera].name; });
+            Emit(Kind::kAlarm, text,
+                 [&](SequencerEvent& event) { event.camera = rig_.cameras[camera].name; });
           },
           [this](bool waiting) { return OnWait(waiting); }};
 }
 
 void SequencerImpl::OnProgress(const SessionJob& job, const RunProgress& progress) {
-  const double left = job.plan.shots == 0
-                          ? 0
-                          : 1 - static_cast<double>(progress.shots_done) / job.plan.shots;
+  const double left =
+      job.plan.shots == 0 ? 0 : 1 - static_cast<double>(progress.shots_done) / job.plan.shots;
   clock_.Change([&] {
     status_.shots_done = progress.shots_done;
     status_.frames = progress.frames;
@@ -358,8 +357,8 @@ void SequencerImpl::EndIncomplete(const SessionJob& job, const Status& why, cons
   // What came before the end is kept, whatever the end was.
   const Status flushed = job.session->Flush();
   if (!flushed.ok()) spdlog::error("session {}: {}", job.session->id(), Message(flushed));
-  const Status finished = job.session->Finish(false, Message(why), times.virtual_s, times.wall_s,
-                                              deterministic_());
+  const Status finished =
+      job.session->Finish(false, Message(why), times.virtual_s, times.wall_s, deterministic_());
   if (!finished.ok()) spdlog::error("session {}: {}", job.session->id(), Message(finished));
 }
 

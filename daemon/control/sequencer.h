@@ -87,12 +87,12 @@ class Sequencer {
   // What Begin would refuse whatever the session: FailedPrecondition for a state that does not know
   // the command, and for an open interlock chain; InvalidArgument for a plan of another rig.
   virtual Status CheckBegin(SequencerCommand how, const CompiledPlan& plan) = 0;
-  // `how`: kArm, kRun or kResume. Returns at once; refuses as CheckBegin. A session that was refused
-  // is the caller's.
+  // `how`: kArm, kRun or kResume. Returns at once; refuses as CheckBegin. A session that was
+  // refused is the caller's.
   virtual Status Begin(SequencerCommand how, SessionJob job) = 0;
   // `command`: kStart, kPause, kPauseNow, kContinue, kAbort or kReset. Returns when it is ordered,
-  // not when it is done (GetStatus tells). FailedPrecondition as the state table says; of kStart and
-  // kContinue also when the chain is open, or was while paused and reset was not pressed since.
+  // not when it is done (GetStatus tells). FailedPrecondition as the state table says; of kStart
+  // and kContinue also when the chain is open, or was while paused and reset was not pressed since.
   // kReset switches the lamps off first: Unavailable when the bank does not answer.
   virtual Status Command(SequencerCommand command, std::string_view reason) = 0;
   // Lamps off and axes quick-stopped, at once; the session ends incomplete. Returns when the lamps

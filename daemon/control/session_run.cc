@@ -29,8 +29,8 @@ SessionRun::~SessionRun() { job_.session->OnStorage({}); }
 
 void SessionRun::Journal(JournalKind kind, std::string text) {
   // (A session that takes no entry takes no frame either, and says so there.)
-  const Status status = context_.session.Record(
-      {kind, context_.clock.Now().count(), -1, 0, std::move(text)});
+  const Status status =
+      context_.session.Record({kind, context_.clock.Now().count(), -1, 0, std::move(text)});
   if (!status.ok()) context_.on_note(fmt::format("journal: {}", Message(status)));
 }
 
@@ -50,7 +50,8 @@ Status SessionRun::Run() {
     }
     const Status off = run_.MakeSafe();
     const Status status = Explain(result);
-    if (const Status opening = context_.chain.Opening(); !opening.ok() && !absl::IsCancelled(status)) {
+    if (const Status opening = context_.chain.Opening();
+        !opening.ok() && !absl::IsCancelled(status)) {
       return status;
     }
     // Nobody is told "at rest", and nothing is tried again, beside something that may still be on.
@@ -88,8 +89,8 @@ bool SessionRun::ByHand() const {
 }
 
 Status SessionRun::EndByHand(const Status& why) {
-  const Status cancelled = Cancelled("{}", absl::IsCancelled(why) ? std::string(Message(why))
-                                                                  : context_.machine.message());
+  const Status cancelled = Cancelled(
+      "{}", absl::IsCancelled(why) ? std::string(Message(why)) : context_.machine.message());
   // Hands may be in the rig, or the chain is open: then nothing moves.
   const bool may_move = context_.machine.order() == RunOrder::kAbort &&
                         !context_.desk.hands_in_the_rig() && context_.chain.MayGoOn().ok();

@@ -91,16 +91,16 @@ Status ShotBook::Append(FrameRecord record, const CapturedFrame& frame) {
 }
 
 Status ShotBook::Record(JournalKind kind, int index, double value, std::string text) {
-  return Keep(context_.session.Record(
-      {kind, context_.clock.Now().count(), index, value, std::move(text)}));
+  return Keep(
+      context_.session.Record({kind, context_.clock.Now().count(), index, value, std::move(text)}));
 }
 
 Status ShotBook::Judge(const Step& step, int lamp, int camera, const CapturedFrame& frame) {
   const bool shows_the_sample = step.purpose == Purpose::kData && lamp >= 0;
   if (!shows_the_sample) return OkStatus();
   const mesorig::Camera& description = context_.rig.cameras[camera];
-  const PictureFigures figures = MeasurePicture(description, frame.width, frame.height,
-                                                *frame.pixels, StrideFor(frame.width, frame.height));
+  const PictureFigures figures = MeasurePicture(
+      description, frame.width, frame.height, *frame.pixels, StrideFor(frame.width, frame.height));
   for (const std::string& alarm : alarms_.Judge(camera, description.name, lamp, figures)) {
     const std::string text = fmt::format("shot {}: {}", step.shot, alarm);
     context_.on_alarm(camera, text);

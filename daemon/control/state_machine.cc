@@ -7,7 +7,8 @@ Status StateMachine::CheckInsideChange(SequencerCommand command) const {
   const StateRow& row = RowOf(state_);
   std::string possible;
   for (size_t i = 0; i < kCommandNames.size(); ++i) {
-    if (row.allowed[i]) possible += fmt::format("{}{}", possible.empty() ? "" : ", ", kCommandNames[i]);
+    if (row.allowed[i])
+      possible += fmt::format("{}{}", possible.empty() ? "" : ", ", kCommandNames[i]);
   }
   return FailedPrecondition("{} is not possible while {}{}{}; possible is: {}",
                             kCommandNames[static_cast<size_t>(command)], row.name,
@@ -45,7 +46,8 @@ void StateMachine::Apply(SequencerCommand command, std::string_view reason) {
     case SequencerCommand::kRun:
     case SequencerCommand::kResume:
     case SequencerCommand::kContinue:
-      state_ = command == SequencerCommand::kArm ? SequencerState::kArmed : SequencerState::kRunning;
+      state_ =
+          command == SequencerCommand::kArm ? SequencerState::kArmed : SequencerState::kRunning;
       order_ = RunOrder::kNone;
       message_.clear();
       stop_.LowerInsideChange();

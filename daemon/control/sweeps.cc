@@ -86,15 +86,13 @@ Status Sweeps::ShootFrame(const Step& step, uint32_t index, RigTime deadline,
   }
   MESORIG_RETURN_IF_ERROR(cameras_.Trigger(cameras));
   MESORIG_ASSIGN_OR_RETURN(const LaserReading reading, context_.devices.laser->Read());
-  return cameras_.Collect(
-      deadline, cameras, missing, [&](int camera, const CapturedFrame& frame) {
-        FrameRecord record =
-            book_.MakeRecord(step, step.exposure_s, cameras_.region(camera), frame, camera);
-        record.shot = step.shot + index;
-        record.laser =
-            LaserRecord{step.sweep.index, index, step.sweep.mount, reading.tilt_rad, shines};
-        return book_.Append(std::move(record), frame);
-      });
+  return cameras_.Collect(deadline, cameras, missing, [&](int camera, const CapturedFrame& frame) {
+    FrameRecord record =
+        book_.MakeRecord(step, step.exposure_s, cameras_.region(camera), frame, camera);
+    record.shot = step.shot + index;
+    record.laser = LaserRecord{step.sweep.index, index, step.sweep.mount, reading.tilt_rad, shines};
+    return book_.Append(std::move(record), frame);
+  });
 }
 
 }  // namespace mesorig::daemon

@@ -16,10 +16,10 @@ class Sweeps {
   Sweeps(const RunContext& context, RigStance& stance, CameraArray& cameras, ShotBook& book)
       : context_(context), stance_(stance), cameras_(cameras), book_(book) {}
 
-  // Takes what the step owes, with the rig in this stance: the emitter travels to its run-up while the
-  // axes move. A frame that an earlier way of the emitter
-  // left owing is taken on the next one, at most three. Unavailable: some are missing still; else
-  // the device's error. The laser is off when this returns.
+  // Takes what the step owes, with the rig in this stance: the emitter travels to its run-up while
+  // the axes move. A frame that an earlier way of the emitter left owing is taken on the next one,
+  // at most three. Unavailable: some are missing still; else the device's error. The laser is off
+  // when this returns.
   Status Take(const Step& step, const Stance& stance);
 
  private:

@@ -38,10 +38,11 @@ class InterlockChain {
   void BeginVisit();
   Visit VisitInsideChange() const { return visit_; }
 
-  // A pause begins: from now on an opening asks for reset at the rig, pressed with the chain closed.
+  // A pause begins: from now on an opening asks for reset at the rig, pressed with the chain
+  // closed.
   void BeginPause();
-  // Reads the chain. FailedPrecondition while it is open, and when it was since BeginPause and reset
-  // was not pressed after it closed.
+  // Reads the chain. FailedPrecondition while it is open, and when it was since BeginPause and
+  // reset was not pressed after it closed.
   Status MayGoOn();
 
   void Arm();  // forgets what was latched, and the pause

@@ -131,8 +131,8 @@ Status ControlService::Resume(const v1::ResumeSessionRequest& request, v1::RunRe
     MESORIG_ASSIGN_OR_RETURN(again, ParseShotSelection(request.reshoot(), job.plan, rig_));
   }
   if (job.plan.sample_name != request.sample_name()) {
-    return FailedPrecondition("session {} is of sample \"{}\", not of \"{}\"",
-                              request.session_id(), job.plan.sample_name, request.sample_name());
+    return FailedPrecondition("session {} is of sample \"{}\", not of \"{}\"", request.session_id(),
+                              job.plan.sample_name, request.sample_name());
   }
   MESORIG_RETURN_IF_ERROR(sequencer_.CheckBegin(SequencerCommand::kResume, job.plan));
   MESORIG_ASSIGN_OR_RETURN(job.session, sessions_.Resume(request.session_id(), rig_));

@@ -31,7 +31,13 @@ const WrongFrame kWrong[] = {
 };
 
 CapturedFrame GoodFrame() {
-  return {7, 5, milliseconds(1000), milliseconds(1020), 16, 8, 12,
+  return {7,
+          5,
+          milliseconds(1000),
+          milliseconds(1020),
+          16,
+          8,
+          12,
           std::make_shared<std::string>(256, 'x')};
 }
 

@@ -65,7 +65,8 @@ TEST(Picture, AlarmsOnceUntilItClears) {
   good.sharpness = bright.sharpness = 0.5;
   bright.saturated = 21;
   EXPECT_THAT(alarms.Judge(0, "C0", 1, good), IsEmpty());
-  EXPECT_THAT(alarms.Judge(0, "C0", 1, bright), ElementsAre(HasSubstr("C0: 2.1 % of the pixels are saturated")));
+  EXPECT_THAT(alarms.Judge(0, "C0", 1, bright),
+              ElementsAre(HasSubstr("C0: 2.1 % of the pixels are saturated")));
   EXPECT_THAT(alarms.Judge(0, "C0", 1, bright), IsEmpty());
   EXPECT_EQ(alarms.Judge(1, "C1", 1, bright).size(), 1u) << "another camera";
   EXPECT_THAT(alarms.Judge(0, "C0", 1, good), IsEmpty());
@@ -121,7 +122,8 @@ TEST(Metering, ShotsTakeTheExposureThatWasChosen) {
     camera->picture = [](uint32_t, double exposure_s, size_t bytes) {
       const int bright = std::min(4095, 64 + static_cast<int>(exposure_s * 2e5));
       const int dim = 64 + static_cast<int>(exposure_s * 2e3);
-      return Picture(16, static_cast<int>(bytes / 32), [&](int x, int) { return x < 8 ? bright : dim; });
+      return Picture(16, static_cast<int>(bytes / 32),
+                     [&](int x, int) { return x < 8 ? bright : dim; });
     };
   }
   const SequencerEvent end = bench.Run(MeteredPlan(bench.rig));

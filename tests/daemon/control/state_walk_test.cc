@@ -17,9 +17,19 @@ using Command = SequencerCommand;
 using State = SequencerState;
 
 // Where a walk starts: a state, and for running what is under way.
-enum class Start { kIdle, kArmed, kInShot, kInSweep, kPausing, kPaused, kWaiting, kStopping, kFault };
-constexpr Start kStarts[] = {Start::kIdle,    Start::kArmed,  Start::kInShot,
-                             Start::kInSweep, Start::kPausing, Start::kPaused,
+enum class Start {
+  kIdle,
+  kArmed,
+  kInShot,
+  kInSweep,
+  kPausing,
+  kPaused,
+  kWaiting,
+  kStopping,
+  kFault
+};
+constexpr Start kStarts[] = {Start::kIdle,    Start::kArmed,    Start::kInShot,
+                             Start::kInSweep, Start::kPausing,  Start::kPaused,
                              Start::kWaiting, Start::kStopping, Start::kFault};
 constexpr State StateOf(Start start) {
   switch (start) {
@@ -44,8 +54,8 @@ constexpr State StateOf(Start start) {
   return State::kIdle;
 }
 
-constexpr std::string_view kDevices[] = {"none", "turntable", "arc", "lamp", "C0",
-                                         "C1",   "laser",     "lines"};
+constexpr std::string_view kDevices[] = {"none", "turntable", "arc",   "lamp",
+                                         "C0",   "C1",        "laser", "lines"};
 
 bool IsOf(const std::string& operation, std::string_view device) {
   if (device == "lamp" && operation == "levels") return true;
@@ -222,10 +232,9 @@ TEST(StateWalk, EveryStateCommandAndDeviceFaultEndsOffAndLeadsBack) {
       for (const std::string_view device : kDevices) {
         for (const bool for_good : {false, true}) {
           if (device == "none" && for_good) continue;
-          SCOPED_TRACE(fmt::format("{} ({}), {}, {} fails {}", RowOf(StateOf(start)).name,
-                                   static_cast<int>(start),
-                                   kCommandNames[static_cast<size_t>(command)], device,
-                                   for_good ? "for good" : "once"));
+          SCOPED_TRACE(fmt::format(
+              "{} ({}), {}, {} fails {}", RowOf(StateOf(start)).name, static_cast<int>(start),
+              kCommandNames[static_cast<size_t>(command)], device, for_good ? "for good" : "once"));
           WalkOnce(start, static_cast<Command>(command), device, for_good);
           ++walked;
           if (::testing::Test::HasFatalFailure()) return;
@@ -233,8 +242,9 @@ TEST(StateWalk, EveryStateCommandAndDeviceFaultEndsOffAndLeadsBack) {
       }
     }
   }
-  std::printf("walked %d combinations of %zu starts in %d states, %d commands, %zu devices\n", walked,
-              std::size(kStarts), kSequencerStates, kSequencerCommands, std::size(kDevices) - 1);
+  std::printf("walked %d combinations of %zu starts in %d states, %d commands, %zu devices\n",
+              walked, std::size(kStarts), kSequencerStates, kSequencerCommands,
+              std::size(kDevices) - 1);
   EXPECT_EQ(walked, 9 * 11 * (1 + 2 * 7));
 }
 

@@ -166,7 +166,7 @@ class FakeSession final : public Session {
   mutable std::mutex mutex_;
   SessionSummary summary_;
   std::vector<FrameRecord> records_;
-  std::map<uint32_t, std::set<int>> planned_;       // cameras of each shot
+  std::map<uint32_t, std::set<int>> planned_;          // cameras of each shot
   std::set<std::pair<uint32_t, int>> live_, damaged_;  // shot, camera
   std::map<int, double> exposures_;
   std::optional<StoredFrame> reference_;

@@ -25,7 +25,8 @@ class LaserBench : public Bench {
     std::thread operator_thread([&] {
       while (!done_) {
         const auto prompt = sequencer->GetStatus().prompt;
-        if (prompt && !prompt->acknowledged && (prompts.empty() || prompts.back().id != prompt->id)) {
+        if (prompt && !prompt->acknowledged &&
+            (prompts.empty() || prompts.back().id != prompt->id)) {
           prompts.push_back(*prompt);
           Visit();
           (void)sequencer->Acknowledge(prompt->id);

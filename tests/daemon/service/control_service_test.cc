@@ -47,7 +47,8 @@ TEST_F(ControlServiceTest, AWrongPlanNamesItsPlace) {
   v1::RunReply reply;
   const grpc::Status status = Run(PlanText() + "speed = 3\n", &reply);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_TRUE(status.error_message().starts_with("test.toml:15:1: unknown key")) << status.error_message();
+  EXPECT_TRUE(status.error_message().starts_with("test.toml:15:1: unknown key"))
+      << status.error_message();
   EXPECT_TRUE(ListSessions(root())->empty());
 }
 
@@ -196,10 +197,10 @@ TEST_F(ControlServiceTest, CommandsReachTheSequencer) {
     v1::StartReply reply;
     EXPECT_TRUE(control_->Start(&context, v1::StartRequest(), &reply).ok());
   }
-  EXPECT_EQ(sequencer_.commands(),
-            (std::vector<std::string>{"pause paused: lunch", "pause --now paused by a client",
-                                      "continue ", "abort aborted by a client", "reset ",
-                                      "start "}));
+  EXPECT_EQ(
+      sequencer_.commands(),
+      (std::vector<std::string>{"pause paused: lunch", "pause --now paused by a client",
+                                "continue ", "abort aborted by a client", "reset ", "start "}));
 }
 
 TEST_F(ControlServiceTest, AFaultIsToldAndNothingStartsAnyMore) {

@@ -36,7 +36,8 @@ class FakeSequencer final : public Sequencer {
   }
   Status Command(SequencerCommand command, std::string_view reason) override {
     MutexLock lock(mutex_);
-    commands_.emplace_back(fmt::format("{} {}", kCommandNames[static_cast<size_t>(command)], reason));
+    commands_.emplace_back(
+        fmt::format("{} {}", kCommandNames[static_cast<size_t>(command)], reason));
     return OkStatus();
   }
   Status Stop(std::string_view reason) override {
