@@ -234,13 +234,15 @@ Status PlanRun::ShootOnce(size_t index, const Place& place, double exposure_s,
   MESORIG_ASSIGN_OR_RETURN(auto levels, stance_.ReadLevels());
   MESORIG_RETURN_IF_ERROR(stance_.CheckLit(levels));
   MESORIG_RETURN_IF_ERROR(stance_.CheckHolds());
-  book_.SetReadBack(stance_.ReadAxes(), std::move(levels));
+  book_.SetReadBack(stance_.ReadAxes(), levels);
   MESORIG_RETURN_IF_ERROR(cameras_.Trigger(cameras));
   const RigTime deadline = cameras_.Deadline(cameras);
   const Status exposed =
       context_.devices.stop->Wait(cameras_.ExposureEnd(cameras), [] { return false; });
   if (absl::IsCancelled(exposed)) return exposed;
-  MESORIG_RETURN_IF_ERROR(stance_.CheckHolds());  // it stood through the exposure
+  MESORIG_RETURN_IF_ERROR(stance_.CheckHolds());  // it stood through the exposure, and shone
+  MESORIG_ASSIGN_OR_RETURN(levels, stance_.ReadLevels());
+  MESORIG_RETURN_IF_ERROR(stance_.CheckLit(levels));
   // From here on the rig is on its way to the next shot, while the cameras read out.
   const Status approach = ApproachNext(index, place);
   const auto take = [&](int camera, const CapturedFrame& frame) {
