@@ -13,12 +13,6 @@ void JobTable::StartLocked(const std::string& session_id) {
   });
 }
 
-void JobTable::StartIfNew(const std::string& session_id) {
-  if (!CheckSessionId(session_id).ok() || OnDisk(session_id, nullptr)) return;
-  MutexLock lock(mutex_);
-  if (!jobs_.contains(session_id)) StartLocked(session_id);
-}
-
 void JobTable::Start(const std::string& session_id) {
   if (!CheckSessionId(session_id).ok() || OnDisk(session_id, nullptr)) return;
   std::shared_ptr<Job> before;  // ends outside the lock, which its thread may take
@@ -74,7 +68,7 @@ grpc::Status JobTable::AwaitProducts(grpc::ServerContext* context,
                                      v1::ProductsReply* reply) {
   const std::string& id = request->session_id();
   if (const Status status = CheckSessionId(id); !status.ok()) return wire::ToGrpc(status);
-  StartIfNew(id);
+  Start(id);
   std::shared_ptr<Job> job;
   {
     MutexLock lock(mutex_);

@@ -32,16 +32,15 @@ class JobTable final : public v1::Processing::Service {
  public:
   JobTable(std::filesystem::path products_dir, StartJob start_job)
       : products_dir_(std::move(products_dir)), start_job_(std::move(start_job)) {}
-  // Begins the session unless it is known or its product exists.
-  void StartIfNew(const std::string& session_id);
-  // Also begins one again that failed.
+  // Begins the session unless its product exists or it is under way. One that failed begins again:
+  // a session that ended incomplete may have been resumed.
   void Start(const std::string& session_id);
   // Ends all jobs and lets AwaitProducts return; nothing begins after it.
   void Stop();
 
   grpc::Status GetProducts(grpc::ServerContext* context, const v1::ProductsRequest* request,
                            v1::ProductsReply* reply) override;
-  // Begins a session that is not known yet.
+  // Begins a session that is not known yet, or failed.
   grpc::Status AwaitProducts(grpc::ServerContext* context, const v1::ProductsRequest* request,
                              v1::ProductsReply* reply) override;
 

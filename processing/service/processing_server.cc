@@ -104,13 +104,8 @@ class Server final : public ProcessingServer {
     const auto reader = stub->Watch(call.context(), v1::WatchRequest());
     v1::Event event;
     while (reader->Read(&event)) {
-      if (!event.has_started()) continue;
-      // A session that failed here and is resumed there begins again.
-      if (event.started().resumed()) {
-        table_.Start(event.started().session_id());
-      } else {
-        table_.StartIfNew(event.started().session_id());
-      }
+      // (A session that failed here and is resumed there begins again.)
+      if (event.has_started()) table_.Start(event.started().session_id());
     }
     const Status end = wire::FromGrpc(reader->Finish());
     return end.ok() ? Unavailable("it closed the connection") : end;
