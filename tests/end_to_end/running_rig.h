@@ -23,15 +23,23 @@ inline const std::string kTiny = kSource + "/tests/end_to_end/";
 // folder of their own.
 class RunningRig {
  public:
-  explicit RunningRig(bool processing, const std::string& seed = "7") {
+  explicit RunningRig(bool processing, std::string seed = "7") : seed_(std::move(seed)) {
+    StartSimulator();
+    StartDaemon();
+    if (processing) StartProcessing();
+  }
+  // The first time, or after an end.
+  void StartSimulator() {
     sim_ = Start("mesorig-sim", {"run", "--rig", kTiny + "tiny_rig.toml", "--sample",
-                                 kSource + "/rigs/samples/weave.toml", "--seed", seed, "--log",
+                                 kSource + "/rigs/samples/weave.toml", "--seed", seed_, "--log",
                                  (folder_ / "rig.tsv").string()});
+  }
+  void StartDaemon() {
     daemon_ = Start("mesorigd", {"--rig", kTiny + "tiny_rig.toml", "--state-dir",
                                  (folder_ / "state").string()});
-    if (processing) {
-      processing_ = Start("mesorig-processd", {"--products", (folder_ / "products").string()});
-    }
+  }
+  void StartProcessing() {
+    processing_ = Start("mesorig-processd", {"--products", (folder_ / "products").string()});
   }
   Outcome Mesorig(std::vector<std::string> arguments) const {
     arguments.insert(arguments.end(), {"--runtime-dir", folder_.path().string()});
@@ -83,14 +91,17 @@ class RunningRig {
   const TemporaryFolder& folder() const { return folder_; }
   Service& sim() { return *sim_; }
   Service& daemon() { return *daemon_; }
+  Service& processing() { return *processing_; }
 
  private:
   std::unique_ptr<Service> Start(const std::string& program, std::vector<std::string> arguments) {
     arguments.insert(arguments.end(), {"--runtime-dir", folder_.path().string()});
+    std::filesystem::remove(folder_ / (program + ".endpoint"));  // a kill leaves it
     auto service = std::make_unique<Service>(program, arguments, folder_ / (program + ".log"));
     EXPECT_TRUE(AwaitFile(folder_ / (program + ".endpoint"))) << service->Log();
     return service;
   }
+  const std::string seed_;
   TemporaryFolder folder_;
   std::unique_ptr<Service> sim_, daemon_, processing_;  // ended in the reverse order
 };
