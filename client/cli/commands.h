@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "protocol/base/status.h"
 
@@ -29,9 +30,10 @@ Command AddStatusCommand(CLI::App& app, Common& common);
 Command AddWatchCommand(CLI::App& app, Common& common);
 Command AddStopCommand(CLI::App& app, Common& common);
 Command AddAcknowledgeCommand(CLI::App& app, Common& common);
-Command AddSessionsCommand(CLI::App& app, Common& common);
 Command AddArmCommand(CLI::App& app, Common& common);
 Command AddStartCommand(CLI::App& app, Common& common);
+// sessions, session ..., preview
+std::vector<Command> AddSessionCommands(CLI::App& app, Common& common);
 Command AddPauseCommand(CLI::App& app, Common& common);
 Command AddContinueCommand(CLI::App& app, Common& common);
 Command AddAbortCommand(CLI::App& app, Common& common);

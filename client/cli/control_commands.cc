@@ -1,4 +1,4 @@
-// status, watch, sessions, and the commands to the state machine: one call each.
+// status, watch, and the commands to the state machine: one call each.
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -76,21 +76,6 @@ Status Acknowledge(const Common& common) {
   return daemon->Acknowledge(status.prompt().id());
 }
 
-Status ShowSessions(const Common& common) {
-  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
-  MESORIG_ASSIGN_OR_RETURN(const auto sessions, daemon->ListSessions());
-  if (common.json) fmt::print("{}\n", JsonText(sessions));
-  for (const std::string& id : sessions.session_ids()) {
-    if (common.json) continue;
-    MESORIG_ASSIGN_OR_RETURN(const v1::SessionReply session, daemon->GetSession(id));
-    fmt::print("{}  {}\n", id,
-               !session.ended()     ? "open"
-               : session.complete() ? "complete"
-                                    : "incomplete");
-  }
-  return OkStatus();
-}
-
 }  // namespace
 
 Command AddStatusCommand(CLI::App& app, Common& common) {
@@ -118,11 +103,6 @@ Command AddAcknowledgeCommand(CLI::App& app, Common& common) {
                              "The operator has done at the rig what the plan asks for; door and "
                              "reset at the rig are needed as well"),
           [&common] { return Acknowledge(common); }};
-}
-
-Command AddSessionsCommand(CLI::App& app, Common& common) {
-  return {app.add_subcommand("sessions", "The daemon's sessions, oldest first"),
-          [&common] { return ShowSessions(common); }};
 }
 
 Command AddPauseCommand(CLI::App& app, Common& common) {

@@ -22,14 +22,15 @@ int main(int argc, char** argv) {
   CLI::App* plan = app.add_subcommand("plan", "Work on plan files without a daemon");
   plan->require_subcommand(1);
   plan->fallthrough();
-  const std::vector<client::Command> commands = {
+  std::vector<client::Command> commands = {
       client::AddRunCommand(app, common),         client::AddStatusCommand(app, common),
       client::AddWatchCommand(app, common),       client::AddStopCommand(app, common),
-      client::AddSessionsCommand(app, common),    client::AddPauseCommand(app, common),
-      client::AddContinueCommand(app, common),    client::AddAbortCommand(app, common),
-      client::AddArmCommand(app, common),         client::AddStartCommand(app, common),
-      client::AddResetCommand(app, common),       client::AddResumeCommand(app, common),
-      client::AddAcknowledgeCommand(app, common), client::AddPlanCheckCommand(*plan, common)};
+      client::AddPauseCommand(app, common),       client::AddContinueCommand(app, common),
+      client::AddAbortCommand(app, common),       client::AddArmCommand(app, common),
+      client::AddStartCommand(app, common),       client::AddResetCommand(app, common),
+      client::AddResumeCommand(app, common),      client::AddAcknowledgeCommand(app, common),
+      client::AddPlanCheckCommand(*plan, common)};
+  for (auto& command : client::AddSessionCommands(app, common)) commands.push_back(command);
   return RunProgram(app, "mesorig", argc, argv, [&]() -> Status {
     for (const auto& command : commands) {
       if (command.app->parsed()) return command.run();

@@ -45,7 +45,9 @@ class Subscription final : public grpc::ServerWriteReactor<grpc::ByteBuffer> {
 
  private:
   Status Run();
-  Status SendAll(Session& session, int camera, uint64_t cursor);
+  // On what is there, then as frames come, to the end of the session; sets it to the one that was
+  // sent last (a resume opens it anew).
+  Status SendAll(std::shared_ptr<Session>& session, int camera, uint64_t cursor);
   // False when the client is gone.
   bool Write(const StoredFrame& frame) EXCLUDES(mutex_);
   bool broken() EXCLUDES(mutex_) {
@@ -69,29 +71,32 @@ Status Subscription::Run() {
   const grpc::Status parsed =
       grpc::SerializationTraits<v1::SubscribeRequest>::Deserialize(&request_, &request);
   if (!parsed.ok()) return InvalidArgument("not a SubscribeRequest");
-  MESORIG_ASSIGN_OR_RETURN(const auto session, sessions_.Find(request.session_id()));
-  return SendAll(*session, static_cast<int>(request.camera()), request.cursor());
+  MESORIG_ASSIGN_OR_RETURN(auto session, sessions_.Find(request.session_id()));
+  return SendAll(session, static_cast<int>(request.camera()), request.cursor());
 }
 
-Status Subscription::SendAll(Session& session, int camera, uint64_t cursor) {
+Status Subscription::SendAll(std::shared_ptr<Session>& session, int camera, uint64_t cursor) {
   for (;;) {
     if (broken()) return Cancelled("the subscriber left");
     if (shutting_down_) return Unavailable("mesorigd is ending");
     // Looked at before the ledger: once ended, an empty answer means that there is no more.
-    const bool live = sessions_.IsLive(session);
+    const bool live = sessions_.IsLive(*session);
     MESORIG_ASSIGN_OR_RETURN(const std::optional<StoredFrame> frame,
-                             session.Next(camera, cursor, live ? kWaitMs : 0));
+                             session->Next(camera, cursor, live ? kWaitMs : 0));
     if (frame) {
       cursor = frame->record.sequence;
       if (!Write(*frame)) return Cancelled("the subscriber left");
     } else if (!live) {
-      break;
+      // It may have been resumed since: then its further frames are another object's.
+      const auto now = sessions_.Find(session->id());
+      if (!now.ok() || *now == session) break;
+      session = *now;
     }
   }
-  const SessionSummary summary = session.Summary();
+  const SessionSummary summary = session->Summary();
   if (summary.end == SessionEnd::kComplete) return OkStatus();
   return absl::AbortedError(fmt::format(
-      "session {} is incomplete: {}", session.id(),
+      "session {} is incomplete: {}", session->id(),
       summary.end == SessionEnd::kOpen ? "the daemon that wrote it died" : summary.reason));
 }
 
@@ -123,14 +128,6 @@ grpc::Status FramesService::GetSession(grpc::ServerContext*, const v1::SessionRe
   reply->set_ended(!sessions_.IsLive(**session));
   reply->set_complete(summary.end == SessionEnd::kComplete);
   reply->set_deterministic(summary.deterministic);
-  return grpc::Status::OK;
-}
-
-grpc::Status FramesService::ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest*,
-                                         v1::ListSessionsReply* reply) {
-  const auto ids = sessions_.List();
-  if (!ids.ok()) return wire::ToGrpc(ids.status());
-  for (const std::string& id : *ids) reply->add_session_ids(id);
   return grpc::Status::OK;
 }
 

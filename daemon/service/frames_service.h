@@ -1,7 +1,8 @@
 #pragma once
 // The Frames service (protocol/messages/frames.proto). Subscribe is a raw method: a frame goes out
 // as two slices, the pixels uncopied (wire::EncodeFrame). Each subscription has a thread, which
-// waits for the ledger and for the client; neither holds anybody else up.
+// waits for the ledger and for the client; neither holds anybody else up. The calls on whole sessions
+// (verify, journal, remove, clean) and the previews are in session_calls.cc.
 
 #include <atomic>
 
@@ -25,6 +26,16 @@ class FramesService final
                             v1::ListSessionsReply* reply) override;
   grpc::Status ReleaseSweep(grpc::ServerContext* context, const v1::ReleaseSweepRequest* request,
                             v1::ReleaseSweepReply* reply) override;
+  grpc::Status Verify(grpc::ServerContext* context, const v1::SessionRequest* request,
+                      grpc::ServerWriter<v1::VerifyReply>* writer) override;
+  grpc::Status ReadJournal(grpc::ServerContext* context, const v1::SessionRequest* request,
+                           v1::JournalReply* reply) override;
+  grpc::Status RemoveSession(grpc::ServerContext* context, const v1::RemoveSessionRequest* request,
+                             v1::RemoveSessionReply* reply) override;
+  grpc::Status CleanSessions(grpc::ServerContext* context, const v1::CleanSessionsRequest* request,
+                             v1::CleanSessionsReply* reply) override;
+  grpc::Status Preview(grpc::ServerContext* context, const v1::PreviewRequest* request,
+                       grpc::ServerWriter<v1::PreviewFrame>* writer) override;
   grpc::ServerWriteReactor<grpc::ByteBuffer>* Subscribe(grpc::CallbackServerContext* context,
                                                         const grpc::ByteBuffer* request) override;
 

@@ -1,28 +1,34 @@
 #include "daemon/service/session_store.h"
 
-#include <sys/statvfs.h>
-
 #include "protocol/base/log.h"
 
 namespace mesorig::daemon {
 
+SessionStore::SessionStore(std::filesystem::path root) : root_(std::move(root)) {
+  const auto removed = RemoveUnfinished(root_);
+  if (!removed.ok()) {
+    spdlog::warn("{}", Message(removed.status()));
+  } else if (*removed > 0) {
+    spdlog::info("{}: {} unfinished sessions were removed", root_.string(), *removed);
+  }
+}
+
+void SessionStore::SetCurrent(std::shared_ptr<Session> session) {
+  MutexLock lock(mutex_);
+  if (current_ && current_->id() != session->id()) opened_[current_->id()] = current_;
+  opened_.erase(session->id());  // opened before it was resumed
+  current_ = std::move(session);
+}
+
 StatusOr<std::shared_ptr<Session>> SessionStore::Create(const CompiledPlan& plan, const Rig& rig) {
   MESORIG_ASSIGN_OR_RETURN(std::shared_ptr<Session> session, Session::Create(root_, plan, rig));
-  MutexLock lock(mutex_);
-  if (current_) opened_[current_->id()] = current_;
-  current_ = session;
+  SetCurrent(session);
   return session;
 }
 
 StatusOr<std::shared_ptr<Session>> SessionStore::Resume(const std::string& id, const Rig& rig) {
-  MutexLock lock(mutex_);
-  if (current_ && current_->id() == id && current_->Summary().end == SessionEnd::kOpen) {
-    return FailedPrecondition("session {} is being written", id);
-  }
   MESORIG_ASSIGN_OR_RETURN(std::shared_ptr<Session> session, Session::Resume(root_, id, rig));
-  if (current_ && current_->id() != id) opened_[current_->id()] = current_;
-  opened_.erase(id);  // who read the ended one reads on in it
-  current_ = session;
+  SetCurrent(session);
   return session;
 }
 
@@ -34,18 +40,6 @@ void SessionStore::Discard(const std::shared_ptr<Session>& session, std::string_
   std::error_code error;
   std::filesystem::remove_all(root_ / session->id(), error);
   if (error) spdlog::error("session {}: removing it: {}", session->id(), error.message());
-}
-
-std::optional<uint64_t> SessionStore::FreeBytes() const {
-  // (The folder comes with the first session.)
-  std::filesystem::path folder = root_;
-  std::error_code error;
-  while (!std::filesystem::exists(folder, error) && folder.has_relative_path()) {
-    folder = folder.parent_path();
-  }
-  struct statvfs volume {};
-  if (::statvfs(folder.empty() ? "." : folder.c_str(), &volume) != 0) return std::nullopt;
-  return static_cast<uint64_t>(volume.f_bavail) * volume.f_frsize;
 }
 
 StatusOr<std::shared_ptr<Session>> SessionStore::Find(const std::string& id) {
@@ -60,6 +54,11 @@ StatusOr<std::shared_ptr<Session>> SessionStore::Find(const std::string& id) {
   return session;
 }
 
+std::shared_ptr<Session> SessionStore::Current() const {
+  MutexLock lock(mutex_);
+  return current_;
+}
+
 bool SessionStore::IsLive(const Session& session) const {
   MutexLock lock(mutex_);
   return current_.get() == &session && session.Summary().end == SessionEnd::kOpen;
@@ -68,6 +67,26 @@ bool SessionStore::IsLive(const Session& session) const {
 uint32_t SessionStore::FramesPlanned(const std::string& id) const {
   MutexLock lock(mutex_);
   return current_ && current_->id() == id ? current_->Summary().frames_planned : 0;
+}
+
+StatusOr<std::vector<SessionInfo>> SessionStore::Describe() const {
+  MESORIG_ASSIGN_OR_RETURN(const std::vector<std::string> ids, List());
+  std::vector<SessionInfo> sessions;
+  for (const std::string& id : ids) {
+    auto info = DescribeSession(root_, id);
+    if (absl::IsNotFound(info.status())) continue;
+    MESORIG_RETURN_IF_ERROR(info.status());
+    sessions.push_back(*std::move(info));
+  }
+  return sessions;
+}
+
+StatusOr<uint64_t> SessionStore::Remove(const std::string& id) {
+  MESORIG_ASSIGN_OR_RETURN(const uint64_t bytes, RemoveSession(root_, id));
+  MutexLock lock(mutex_);
+  opened_.erase(id);
+  if (current_ && current_->id() == id) current_ = nullptr;
+  return bytes;
 }
 
 }  // namespace mesorig::daemon

@@ -3,6 +3,7 @@
 
 #include <fstream>
 #include <functional>
+#include <set>
 
 #include "tests/daemon/session/session_fixture.h"
 
@@ -191,6 +192,66 @@ TEST_F(HostileFiles, MutatedJournalsNeverCrashAndNeverLie) {
   EXPECT_GT(refused, 0);
   std::error_code ignored;
   std::filesystem::remove(File("journal.sqlite-wal"), ignored);
+}
+
+// Damaged journals of a killed session: refused, or resumed with what is whole.
+TEST_F(HostileFiles, MutatedJournalsAreResumedOrRefused) {
+  auto session = Session::Create(folder_.path(), plan_, rig_);
+  ASSERT_TRUE(session.ok()) << session.status();
+  id_ = (*session)->id();
+  for (const Step& step : plan_.steps) {
+    if (step.kind == StepKind::kShot && step.shot < 5) {
+      ASSERT_TRUE(AppendShot(**session, step).ok());
+    }
+  }
+  ASSERT_TRUE((*session)->Record({JournalKind::kExposure, 1, 2, 0.5, "text"}).ok());
+  ASSERT_TRUE((*session)->Finish(false, "stopped", 1, 1, true).ok());
+  session->reset();
+  const auto original = folder_.path() / "original";
+  std::filesystem::copy(folder_.path() / id_, original, std::filesystem::copy_options::recursive);
+  const std::string whole = *ReadFile(File("journal.sqlite"));
+  std::mt19937 random(6);
+  int refused = 0, resumed = 0;
+  for (int i = 0; i < 400; ++i) {
+    std::filesystem::remove_all(folder_.path() / id_);
+    std::filesystem::copy(original, folder_.path() / id_,
+                          std::filesystem::copy_options::recursive);
+    std::string bytes = whole;
+    for (unsigned n = 1 + random() % 8; n > 0; --n) {
+      bytes[random() % bytes.size()] = static_cast<char>(random());
+    }
+    if (i % 10 == 0) bytes.resize(random() % bytes.size());
+    Overwrite(File("journal.sqlite"), bytes);
+    auto again = Session::Resume(folder_.path(), id_, rig_);
+    if (!again.ok()) {
+      ++refused;
+      continue;
+    }
+    ++resumed;
+    (void)(*again)->DropDamaged().status();
+    const auto reference = (*again)->Reference();
+    if (reference.ok() && reference->has_value()) {
+      const FrameRecord& r = (*reference)->record;
+      ASSERT_EQ(*(*reference)->pixels, *PixelsOf(r.camera, r.shot));
+    }
+    for (uint32_t shot = 0; shot < 8; ++shot) {
+      for (const int camera : (*again)->Missing(shot)) {
+        ASSERT_GE(camera, 0);
+        ASSERT_LT(camera, 8);
+        if (!(*again)->Append(FrameOf(camera, shot), PixelsOf(camera, shot)).ok()) break;
+      }
+    }
+    // A complete end only when everything balances: then every shot has a frame that is whole.
+    if (!(*again)->Finish(true, "", 1, 1, true).ok()) continue;
+    ASSERT_EQ((*again)->Summary().end, SessionEnd::kComplete);
+    for (int camera = 0; camera < 8; ++camera) {
+      std::set<uint32_t> shots;
+      for (const FrameRecord& r : ReadAll(**again, camera, 20).good) shots.insert(r.shot);
+      ASSERT_EQ(shots.size(), 8u) << i;
+    }
+  }
+  EXPECT_GT(refused, 0);
+  EXPECT_GT(resumed, 0);
 }
 
 }  // namespace
