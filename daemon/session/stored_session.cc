@@ -79,8 +79,7 @@ Status StoredSession::BeginWriting(const CompiledPlan& plan, const SessionOption
 }
 
 StatusOr<SegmentEnds> StoredSession::ReadPlaces(Ledger& ledger) {
-  MutexLock lock(mutex_);
-  live_frames_ = LiveFrames(plan_, static_cast<int>(rig_.cameras.size()));
+  LiveFrames live_frames(plan_, static_cast<int>(rig_.cameras.size()));
   std::vector<uint64_t> last(rig_.cameras.size(), 0);
   SegmentEnds ends;
   MESORIG_RETURN_IF_ERROR(ledger.ForEachPlace([&](const Ledger::Place& place) -> Status {
@@ -96,11 +95,13 @@ StatusOr<SegmentEnds> StoredSession::ReadPlaces(Ledger& ledger) {
                           : 0);
     }
     last[static_cast<size_t>(place.camera)] = place.sequence;
-    live_frames_.Add(place.camera, place.shot);
+    live_frames.Add(place.camera, place.shot);
     uint64_t& end = ends[{place.camera, place.segment}];
     end = std::max(end, place.offset + kRecordHeaderBytes + place.bytes);
     return OkStatus();
   }));
+  MutexLock lock(mutex_);
+  live_frames_ = std::move(live_frames);
   durable_ = last;
   for (size_t i = 0; i < last.size(); ++i) next_sequence_[i] = last[i] + 1;
   return ends;

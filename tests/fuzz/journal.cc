@@ -26,17 +26,21 @@ void WriteSmallJournal(const std::filesystem::path& path) {
     row.digest = "0123456789abcdef0123456789abcdef";
     if (i > 3) row.laser = LaserRecord{0, i - 4, 0, 0.01, true};
   }
-  MESORIG_CHECK(ledger->Commit(rows).ok() && ledger->Checkpoint().ok());
+  MESORIG_CHECK(ledger->Commit(rows, {{JournalKind::kNote, 5, 1, 0.5, "note"}}).ok() && ledger->Checkpoint().ok());
 }
 
 void ReadAll(Ledger& ledger) {
   (void)ledger.ReadSummary();
+  (void)ledger.ReadEntries();
   (void)ledger.LastSequences(8);
+  (void)ledger.ForEachPlace([](const Ledger::Place&) { return OkStatus(); });
+  (void)ledger.ForEachLive([](const FrameRecord&) { return OkStatus(); });
   int rows = 0;
   (void)ledger.ForEach([&](const FrameRecord& row) -> Status {
     if (rows < 8) {
       (void)ledger.Find(row.camera, row.sequence);
       (void)ledger.LastOfStretch(row);
+      (void)ledger.LastOfShot(row.camera, row.shot);
       (void)ledger.Cover(row.camera, row.segment, row.shot, 4);
     }
     return ++rows < kMaxRows ? OkStatus() : Cancelled("enough");

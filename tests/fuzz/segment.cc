@@ -17,7 +17,10 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   row.sequence = reader.Get<uint64_t>();
   row.digest = reader.GetRaw(32);
   if (!reader.ok()) return 0;
-  fuzz::Overwrite(path, reader.GetRaw(reader.remaining()));
+  const std::string_view file = reader.GetRaw(reader.remaining());
+  (void)daemon::CheckSegmentHeader(file);
+  (void)daemon::CheckRecordHeader(file, row);
+  fuzz::Overwrite(path, file);
   const auto segment = daemon::SegmentReader::Open(path);
   if (!segment.ok()) return 0;
   const auto pixels = segment->Read(row);
@@ -26,14 +29,14 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   } else {
     MESORIG_CHECK(absl::IsDataLoss(pixels.status()));
   }
-  // A writer goes on behind whatever is there.
-  if (auto writer = daemon::SegmentWriter::OpenAtEnd(path); writer.ok()) {
-    const std::string frame(64, 'x');
-    row.sequence = 7, row.bytes = frame.size(), row.digest = FrameDigest(frame);
-    const auto offset = writer->Append(row.sequence, 0, row.digest, frame);
-    MESORIG_CHECK(offset.ok());
-    row.offset = *offset;
-    MESORIG_CHECK(segment->Read(row).ok());
-  }
+  // A writer goes on wherever it is told to within the file.
+  auto writer = daemon::SegmentWriter::Open(path, 0, "cam0", row.offset % (file.size() + 1));
+  if (!writer.ok()) return 0;
+  const std::string frame(64, 'x');
+  row.sequence = 7, row.bytes = frame.size(), row.digest = FrameDigest(frame);
+  const auto offset = writer->Append(row.sequence, 0, row.digest, frame);
+  MESORIG_CHECK(offset.ok());
+  row.offset = *offset;
+  MESORIG_CHECK(segment->Read(row).ok());
   return 0;
 }

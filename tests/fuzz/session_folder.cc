@@ -11,6 +11,8 @@
 #include <charconv>
 #include <map>
 
+#include "daemon/session/housekeeping.h"
+#include "daemon/session/verify.h"
 #include "protocol/base/digest.h"
 #include "tests/daemon/session/session_fixture.h"
 #include "tests/fuzz/fuzz_target.h"
@@ -99,6 +101,8 @@ class Victim {
       for (uint32_t sweep = 0; sweep < 4; ++sweep) (void)(*session)->ReleaseSweep(sweep);
       Read(**session);
     }
+    (void)DescribeSession(root(), id_);
+    (void)VerifySession(root(), id_, [](uint32_t, uint32_t) { return true; });
     auto session = Session::Resume(root(), id_, rig_);
     if (!session.ok()) return;
     for (uint32_t shot = 0; shot <= plan_.shots; ++shot) {
@@ -106,6 +110,7 @@ class Victim {
         MESORIG_CHECK(camera >= 0 && camera < 8 && shot < plan_.shots);
       }
     }
+    (void)(*session)->Entries();
     (void)(*session)->Reference();
     (void)(*session)->DropDamaged();
     (void)(*session)->Finish(true, "", 1, 1, true);
