@@ -59,14 +59,13 @@ int Consume(const std::string& endpoint, const std::string& session_id, double l
   Tally tally;
   std::vector<std::thread> threads;
   for (int camera = 0; camera < kCameras; ++camera) {
-    threads.emplace_back(
-        [&, camera] { ReadCamera(endpoint, session_id, camera, late_ms, tally); });
+    threads.emplace_back([&, camera] { ReadCamera(endpoint, session_id, camera, late_ms, tally); });
   }
   for (std::thread& thread : threads) thread.join();
   MutexLock lock(tally.mutex);
   const double wall_s =
       tally.frames == 0 ? 0 : std::chrono::duration<double>(tally.last - tally.first).count();
-  std::cout << nlohmann::json{{"frames", tally.frames},   {"late", tally.late},
+  std::cout << nlohmann::json{{"frames", tally.frames},     {"late", tally.late},
                               {"worst_ms", tally.worst_ms}, {"bytes", tally.bytes},
                               {"wall_s", wall_s},           {"cpu_s", CpuSeconds()}}
             << std::endl;

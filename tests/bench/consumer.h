@@ -22,9 +22,9 @@ class SessionStore;
 
 namespace mesorig::bench {
 
-// What `program consume ENDPOINT SESSION LATE_MS` does: reads to the end and prints one line of JSON:
-// frames, late (arrived more than LATE_MS after their trigger), worst_ms, bytes, wall_s (of the
-// first frame to the last), cpu_s.
+// What `program consume ENDPOINT SESSION LATE_MS` does: reads to the end and prints one line of
+// JSON: frames, late (arrived more than LATE_MS after their trigger), worst_ms, bytes, wall_s (of
+// the first frame to the last), cpu_s.
 int Consume(const std::string& endpoint, const std::string& session_id, double late_ms);
 // `program drain FD...`: reads the sockets to their ends.
 int Drain(const std::vector<int>& sockets);

@@ -64,15 +64,14 @@ json Paced(const Options& options, Pixels pixels, const std::filesystem::path& d
   json result;
   {
     const FramesServer server(dir, sessions);
-    consumer = Child::Start({"consume", server.endpoint(), session->id(),
-                             std::to_string(kLate_ms)}, {});
+    consumer =
+        Child::Start({"consume", server.endpoint(), session->id(), std::to_string(kLate_ms)}, {});
     std::this_thread::sleep_for(std::chrono::milliseconds(500));  // it connects
     const double cpu_before = CpuSeconds();
     const auto began = Clock::now();
     for (uint32_t shot = 0; shot < shots; ++shot) {
-      const auto trigger =
-          began + std::chrono::duration_cast<Clock::duration>(
-                      std::chrono::duration<double>(shot / kRate_hz));
+      const auto trigger = began + std::chrono::duration_cast<Clock::duration>(
+                                       std::chrono::duration<double>(shot / kRate_hz));
       std::this_thread::sleep_until(trigger);
       triggers.push_back(trigger);
       MESORIG_CHECK(source.Shoot(*session, shot, trigger).ok());
@@ -88,8 +87,8 @@ json Paced(const Options& options, Pixels pixels, const std::filesystem::path& d
   uint32_t frame = 0;
   for (const Durable::Group& group : durable.groups()) {
     for (; frame < group.frames; ++frame) {
-      const double ms = std::chrono::duration<double, std::milli>(
-                            group.at - triggers[frame / kCameras]).count();
+      const double ms =
+          std::chrono::duration<double, std::milli>(group.at - triggers[frame / kCameras]).count();
       worst_ms = std::max(worst_ms, ms);
       if (ms > kLate_ms) ++late;
     }
@@ -171,13 +170,11 @@ json AllFullSpeed(const Options& options) {
   std::vector<uint32_t> groups;
   const PatternSource source(MESORIG_SOURCE_DIR, Pixels::kBayer, 1);
   for (int round = 0; round < 3; ++round) {  // taking turns: the disk's mood is the same for all
-    const json plain = InFolder(options, [&](const auto& dir) {
-      return FullSpeed(options, false, dir, &groups);
-    });
+    const json plain =
+        InFolder(options, [&](const auto& dir) { return FullSpeed(options, false, dir, &groups); });
     session.push_back(plain["mb_per_s"]), stream.push_back(plain["stream_mb_per_s"]);
-    raw_disk.push_back(InFolder(options, [&](const auto& dir) {
-      return json(RawWrite(source, groups, dir));
-    }));
+    raw_disk.push_back(
+        InFolder(options, [&](const auto& dir) { return json(RawWrite(source, groups, dir)); }));
     streamed.push_back(InFolder(options, [&](const auto& dir) {
       return FullSpeed(options, true, dir, nullptr);
     })["mb_per_s"]);
@@ -196,11 +193,10 @@ json AllFullSpeed(const Options& options) {
 
 void Print(const char* name, const json& paced) {
   std::printf("%-6s %7.0f %8d %6d %9.0f %7d %7.1f | %8d %6d %9.0f %7.1f\n", name,
-              paced["mb_per_s"].get<double>(), paced["frames"].get<int>(),
-              paced["late"].get<int>(), paced["worst_ms"].get<double>(),
-              paced["source_waited"].get<int>(), paced["cpu_s"].get<double>(),
-              paced["consumer"]["frames"].get<int>(), paced["consumer"]["late"].get<int>(),
-              paced["consumer"]["worst_ms"].get<double>(),
+              paced["mb_per_s"].get<double>(), paced["frames"].get<int>(), paced["late"].get<int>(),
+              paced["worst_ms"].get<double>(), paced["source_waited"].get<int>(),
+              paced["cpu_s"].get<double>(), paced["consumer"]["frames"].get<int>(),
+              paced["consumer"]["late"].get<int>(), paced["consumer"]["worst_ms"].get<double>(),
               paced["consumer"]["cpu_s"].get<double>());
 }
 
@@ -208,11 +204,11 @@ Status Run(const Options& options) {
   json result;
   std::printf("8 cameras, 1024 x 768, 15 Hz, %.0f s\n", options.seconds);
   std::printf("       MB/s      durable frames               |  consumer (another process)\n");
-  std::printf("                    all   late  worst ms  waited  cpu s |      all   late  worst ms"
-              "   cpu s\n");
+  std::printf(
+      "                    all   late  worst ms  waited  cpu s |      all   late  worst ms"
+      "   cpu s\n");
   for (const auto& [name, pixels] : {std::pair{"Bayer", Pixels::kBayer}, {"RGB", Pixels::kRgb}}) {
-    result[name] =
-        InFolder(options, [&](const auto& dir) { return Paced(options, pixels, dir); });
+    result[name] = InFolder(options, [&](const auto& dir) { return Paced(options, pixels, dir); });
     Print(name, result[name]);
     std::fflush(stdout);
   }

@@ -43,8 +43,7 @@ CompiledPlan PatternPlan(const Rig& rig, uint32_t shots) {
 
 }  // namespace
 
-PatternSource::PatternSource(const std::filesystem::path& source_dir, Pixels pixels,
-                             uint32_t shots)
+PatternSource::PatternSource(const std::filesystem::path& source_dir, Pixels pixels, uint32_t shots)
     : rig_(PatternRig(source_dir, pixels == Pixels::kRgb ? 3 : 1)),
       plan_(PatternPlan(rig_, shots)),
       buffers_(kBuffers) {

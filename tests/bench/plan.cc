@@ -1,10 +1,12 @@
-// Time of compiling a plan against its size: grids of growing frame counts, and the paper's capture.
+// Time of compiling a plan against its size: grids of growing frame counts, and the paper's
+// capture.
+
+#include "protocol/plan/plan.h"
 
 #include <benchmark/benchmark.h>
 
 #include "protocol/base/check.h"
 #include "protocol/base/file_writer.h"
-#include "protocol/plan/plan.h"
 
 namespace mesorig {
 namespace {
@@ -40,7 +42,12 @@ void CompileGrid(benchmark::State& state) {
   static const Rig rig = LoadRig(Source("rigs/demo.toml")).value();
   Compile(state, Grid(state.range(0)), rig);
 }
-BENCHMARK(CompileGrid)->Arg(2)->Arg(16)->Arg(160)->Arg(1600)->Arg(16000)
+BENCHMARK(CompileGrid)
+    ->Arg(2)
+    ->Arg(16)
+    ->Arg(160)
+    ->Arg(1600)
+    ->Arg(16000)
     ->Unit(benchmark::kMillisecond);
 
 void CompileWang2005(benchmark::State& state) {

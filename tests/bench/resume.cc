@@ -111,7 +111,11 @@ void Resume(benchmark::State& state) {
   }
   Report(state);
 }
-BENCHMARK(Resume)->Arg(1000)->Arg(10'000)->Arg(100'000)->Unit(benchmark::kMillisecond)
+BENCHMARK(Resume)
+    ->Arg(1000)
+    ->Arg(10'000)
+    ->Arg(100'000)
+    ->Unit(benchmark::kMillisecond)
     ->UseRealTime();
 
 }  // namespace

@@ -14,8 +14,8 @@
 
 namespace mesorig::fuzz {
 
-// A folder of this process, below TMPDIR (tests/fuzz/run puts it into memory: targets write files for
-// each input).
+// A folder of this process, below TMPDIR (tests/fuzz/run puts it into memory: targets write files
+// for each input).
 class ScratchFolder {
  public:
   ScratchFolder() {

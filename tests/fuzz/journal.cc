@@ -26,7 +26,8 @@ void WriteSmallJournal(const std::filesystem::path& path) {
     row.digest = "0123456789abcdef0123456789abcdef";
     if (i > 3) row.laser = LaserRecord{0, i - 4, 0, 0.01, true};
   }
-  MESORIG_CHECK(ledger->Commit(rows, {{JournalKind::kNote, 5, 1, 0.5, "note"}}).ok() && ledger->Checkpoint().ok());
+  MESORIG_CHECK(ledger->Commit(rows, {{JournalKind::kNote, 5, 1, 0.5, "note"}}).ok() &&
+                ledger->Checkpoint().ok());
 }
 
 void ReadAll(Ledger& ledger) {

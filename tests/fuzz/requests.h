@@ -1,8 +1,8 @@
 #pragma once
 // Requests to services behind a real gRPC server in this process. The input is text: requests apart
 // by a line `--`, each the method's full name in one line (`mesorig.v1.Frames/Subscribe`) and the
-// request in protobuf's text format; what is no text of that message goes out as it stands, as bytes
-// from a peer that speaks something else. New methods need no line here.
+// request in protobuf's text format; what is no text of that message goes out as it stands, as
+// bytes from a peer that speaks something else. New methods need no line here.
 
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/dynamic_message.h>

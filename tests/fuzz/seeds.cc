@@ -53,8 +53,8 @@ void Sessions(const Seeds& seeds) {
 
 void Messages(const Seeds& seeds) {
   using namespace sim_wire;
-  const Welcome welcome{Sha256("rig"), 7, RigTime{}, {"can", "lamps", "lines", "camera:A"},
-                        "127.0.0.1:502"};
+  const Welcome welcome{
+      Sha256("rig"), 7, RigTime{}, {"can", "lamps", "lines", "camera:A"}, "127.0.0.1:502"};
   CameraFrame frame;
   frame.trigger_id = 3, frame.frame_id = 9, frame.width = 4, frame.height = 2, frame.bits = 12;
   frame.pixels = std::string(16, 'p');
@@ -66,7 +66,8 @@ void Messages(const Seeds& seeds) {
   AppendMessage({MessageType::kQuery, 2, 4, RigTime{}, PackLineQuery(1)}, stream);
   AppendMessage({MessageType::kReply, 3, 4, RigTime{}, PackRegisterValue(0.5)}, stream);
   AppendMessage({MessageType::kQuery, 3, 5, RigTime{},
-                 Pack(CameraAccess{CameraRegister::kExposureS, true, 0.02})}, stream);
+                 Pack(CameraAccess{CameraRegister::kExposureS, true, 0.02})},
+                stream);
   AppendMessage({MessageType::kCommand, 3, 6, RigTime{}, Pack(CameraTrigger{3})}, stream);
   AppendMessage({MessageType::kOutput, 3, 0, RigTime{}, Pack(frame)}, stream);
   seeds.Add("sim_wire", "stream", '\7' + stream);

@@ -1,7 +1,8 @@
-// A segment file: eight bytes offset, eight bytes of pixels, eight sequence, 32 characters digest of
-// a ledger row, then the file. What is handed out has the row's digest.
+// A segment file: eight bytes offset, eight bytes of pixels, eight sequence, 32 characters digest
+// of a ledger row, then the file. What is handed out has the row's digest.
 
 #include "daemon/session/segment.h"
+
 #include "protocol/base/bytes.h"
 #include "protocol/base/digest.h"
 #include "tests/fuzz/fuzz_target.h"
