@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <random>
 #include <set>
 
 #include "tests/protocol/plan/plan_fixture.h"
@@ -198,6 +199,33 @@ TEST(Sweeps, TheMotorMustBeAbleToGoSoSlowly) {
   std::string text = Head("extent_mm = 40") + fixtures::SweepOf();
   text.replace(text.find("frame_rate_hz = 7.5"), 19, "frame_rate_hz = 0.05");
   EXPECT_THAT(ErrorOf(text), AllOf(HasSubstr("frame_rate_hz"), HasSubstr("its motor does 0.0375")));
+}
+
+// Every kind of table, damaged: what is accepted can be stored and read back.
+TEST(PlanText, EveryTableSurvivesMutation) {
+  const Rig rig = DemoRig();
+  const std::string whole =
+      Head("thickness_mm = 3\nextent_mm = 40\nsymmetry = \"half-turn\"\nmax_theta_deg = 70") +
+      GridOf("exposure = \"auto\"\nladder_s = [0.02, 0.04]\nsettle_s = 0.5\nrepeats = 2") +
+      std::string(kList) + fixtures::SweepOf("mounts = [\"slant\"]") +
+      "[[calibration]]\nkind = \"flat\"\nexposures_s = [0.01]\nlamps = [\"lamp1\"]\n"
+      "[[prompt]]\nwhen = \"after\"\ntext = \"Done.\"\n";
+  ASSERT_TRUE(Compiled(whole, rig).ok()) << Compiled(whole, rig).status();
+  std::mt19937 random(11);
+  int refused = 0;
+  for (int i = 0; i < 600; ++i) {
+    std::string text = whole;
+    text[random() % text.size()] = static_cast<char>(i % 2 == 0 ? random() : 48 + random() % 10);
+    const auto plan = Compiled(text, rig);
+    refused += !plan.ok();
+    if (!plan.ok()) {
+      ASSERT_FALSE(Message(plan.status()).empty());
+      continue;
+    }
+    const auto back = UnpackPlan(PackPlan(*plan), rig);
+    ASSERT_TRUE(back.ok()) << back.status() << "\n" << text;
+  }
+  EXPECT_GT(refused, 200);
 }
 
 }  // namespace

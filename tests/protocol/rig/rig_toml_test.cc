@@ -53,6 +53,23 @@ TEST(RigToml, TwoLampsOnOneChannel) {
   EXPECT_THAT(ErrorOf(text), AllOf(HasSubstr("rig.toml:"), HasSubstr("channel"), HasSubstr("2")));
 }
 
+TEST(RigToml, ALaserNeedsItsLinesOfTheInterlock) {
+  for (const char* line : {"laser_trigger = 3", "laser_on = 4", "estop = 0", "door = 1"}) {
+    const std::string text = With(line, "");
+    EXPECT_THAT(ErrorOf(text), AllOf(HasSubstr(LineOf(text, "[lines]")), HasSubstr("is missing")));
+  }
+}
+
+TEST(RigToml, MainsAndRestAreOptional) {
+  const Rig rig = ParseRig(With("mains_hz = 50", "mains_hz = 60"), "rig.toml").value();
+  EXPECT_EQ(rig.mains_hz, 60);
+  EXPECT_EQ(rig.axes[0].settle_s, 0);
+  EXPECT_EQ(ParseRig(With("mains_hz = 50", ""), "rig.toml")->mains_hz, 0);
+  EXPECT_EQ(ParseRig(With("can_node = 2", "can_node = 2\nsettle_s = 0.3"), "rig.toml")->axes[1].settle_s,
+            0.3);
+  EXPECT_THAT(ErrorOf(With("mains_hz = 50", "mains_hz = 0")), HasSubstr("mains_hz"));
+}
+
 TEST(RigToml, TwoAxesOnOneNode) {
   EXPECT_THAT(ErrorOf(With("can_node = 2", "can_node = 1")), HasSubstr("can_node"));
 }
