@@ -95,9 +95,9 @@ Status Remove(const Common& common, const std::string& id, bool yes) {
     return Annotate(reply.status(), "--yes removes complete sessions too");
   }
   MESORIG_RETURN_IF_ERROR(reply.status());
-  fmt::print("{}\n", common.json ? JsonText(*reply)
-                                 : fmt::format("{}: removed, {}", id,
-                                               BytesText(reply->bytes_freed())));
+  fmt::print("{}\n", common.json
+                         ? JsonText(*reply)
+                         : fmt::format("{}: removed, {}", id, BytesText(reply->bytes_freed())));
   return OkStatus();
 }
 
@@ -114,15 +114,13 @@ Status Clean(const Common& common, const CleanOptions& options) {
   if (options.older_than_days >= 0) older_than_s = options.older_than_days * 24 * 3600;
   if (!keep && !older_than_s) return InvalidArgument("clean: say --keep N or --older-than DAYS");
   MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.runtime_dir));
-  MESORIG_ASSIGN_OR_RETURN(const auto reply,
-                           daemon->Clean(keep, older_than_s, options.incomplete));
+  MESORIG_ASSIGN_OR_RETURN(const auto reply, daemon->Clean(keep, older_than_s, options.incomplete));
   if (common.json) {
     fmt::print("{}\n", JsonText(reply));
     return OkStatus();
   }
   for (const std::string& id : reply.session_ids()) fmt::print("{}: removed\n", id);
-  fmt::print("{} sessions removed, {}\n", reply.session_ids_size(),
-             BytesText(reply.bytes_freed()));
+  fmt::print("{} sessions removed, {}\n", reply.session_ids_size(), BytesText(reply.bytes_freed()));
   return OkStatus();
 }
 
@@ -141,8 +139,8 @@ Status Export(const Common& common, const std::string& id, const std::string& ou
   {
     ProgressBar bar;
     for (size_t i = 0; i < rig.cameras.size(); ++i) {
-      MESORIG_RETURN_IF_ERROR(daemon->ReadFrames(
-          id, static_cast<uint32_t>(i), [&](const v1::Frame& frame) -> Status {
+      MESORIG_RETURN_IF_ERROR(
+          daemon->ReadFrames(id, static_cast<uint32_t>(i), [&](const v1::Frame& frame) -> Status {
             bytes += frame.pixels().size();
             bar.Show(++done, frames, "frames");
             return target.Add(frame, rig.cameras[i].name);
@@ -202,14 +200,16 @@ std::vector<Command> AddSessionCommands(CLI::App& app, Common& common) {
       ->check(CLI::NonNegativeNumber);
   clean->add_flag("--incomplete", rule->incomplete, "Incomplete and killed ones too");
   commands.push_back({clean, [rule, &common] { return Clean(common, *rule); }});
-  CLI::App* save = Naming(*group, "export", "Raw frames as PGM files, and the ledger as a table", id);
+  CLI::App* save =
+      Naming(*group, "export", "Raw frames as PGM files, and the ledger as a table", id);
   save->add_option("--out", *out, "A folder that is not there yet")->required();
   commands.push_back({save, [id, out, &common] { return Export(common, *id, *out); }});
   const auto camera = std::make_shared<uint32_t>(0);
   CLI::App* preview = app.add_subcommand("preview", "The next frame of a camera, small, as a PGM");
   preview->add_option("camera", *camera, "Index in the rig, from 0")->required();
   preview->add_option("--out", *out, "The file")->required();
-  commands.push_back({preview, [camera, out, &common] { return SavePreview(common, *camera, *out); }});
+  commands.push_back(
+      {preview, [camera, out, &common] { return SavePreview(common, *camera, *out); }});
   return commands;
 }
 

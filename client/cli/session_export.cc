@@ -13,7 +13,8 @@ Status WriteWhole(const std::filesystem::path& path, std::string_view bytes) {
   std::ofstream out(path, std::ios::binary | std::ios::trunc);
   out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   out.close();
-  if (!out) return Unavailable("{}: writing {} bytes: {}", path.string(), bytes.size(), strerror(errno));
+  if (!out)
+    return Unavailable("{}: writing {} bytes: {}", path.string(), bytes.size(), strerror(errno));
   return OkStatus();
 }
 
@@ -50,13 +51,13 @@ std::string LedgerHeading() {
 }
 
 std::string LedgerLine(const v1::FrameHeader& h, std::string_view camera, std::string_view file) {
-  return fmt::format(
-      "{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\n", camera,
-      h.shot(), h.sequence(), h.supersedes(), h.frame_id(), h.exposure_start_ns(),
-      h.exposure_end_ns(), h.exposure_s(), h.width(), h.height(), h.bits(), h.region_x(),
-      h.region_y(), h.has_laser() ? std::to_string(h.laser().sweep()) : "",
-      h.has_laser() ? std::to_string(h.laser().index()) : "", h.digest(), Numbers(h.axis_rad()),
-      Numbers(h.lamp_level()), file);
+  return fmt::format("{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\n",
+                     camera, h.shot(), h.sequence(), h.supersedes(), h.frame_id(),
+                     h.exposure_start_ns(), h.exposure_end_ns(), h.exposure_s(), h.width(),
+                     h.height(), h.bits(), h.region_x(), h.region_y(),
+                     h.has_laser() ? std::to_string(h.laser().sweep()) : "",
+                     h.has_laser() ? std::to_string(h.laser().index()) : "", h.digest(),
+                     Numbers(h.axis_rad()), Numbers(h.lamp_level()), file);
 }
 
 StatusOr<SessionExport> SessionExport::Begin(const std::filesystem::path& out) {

@@ -10,8 +10,8 @@
 
 namespace mesorig::client {
 
-// A PGM (P5), 8 or 16 bits (big-endian, as PGM has it), with the sensor's full scale as its maximum;
-// a Bayer mosaic stays one. InvalidArgument for pixels that are not width x height.
+// A PGM (P5), 8 or 16 bits (big-endian, as PGM has it), with the sensor's full scale as its
+// maximum; a Bayer mosaic stays one. InvalidArgument for pixels that are not width x height.
 StatusOr<std::string> PgmOf(const v1::Frame& frame);
 
 // A column a field of the frame's ledger row, with tabs; and their names.

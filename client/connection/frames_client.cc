@@ -56,8 +56,7 @@ StatusOr<v1::ListSessionsReply> FramesClient::ListSessions() {
 }
 
 StatusOr<v1::SessionReply> FramesClient::GetSession(std::string_view session_id) {
-  return Call<v1::SessionReply>(*state_->frames, &v1::Frames::Stub::GetSession,
-                                Naming(session_id));
+  return Call<v1::SessionReply>(*state_->frames, &v1::Frames::Stub::GetSession, Naming(session_id));
 }
 
 StatusOr<v1::JournalReply> FramesClient::ReadJournal(std::string_view session_id) {

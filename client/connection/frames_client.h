@@ -1,6 +1,6 @@
 #pragma once
-// The sessions of a daemon and their frames, as its clients see them. Thread-safe; calls that stream
-// block their caller.
+// The sessions of a daemon and their frames, as its clients see them. Thread-safe; calls that
+// stream block their caller.
 
 #include <filesystem>
 #include <functional>

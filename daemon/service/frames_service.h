@@ -1,8 +1,8 @@
 #pragma once
 // The Frames service (protocol/messages/frames.proto). Subscribe is a raw method: a frame goes out
 // as two slices, the pixels uncopied (wire::EncodeFrame). Each subscription has a thread, which
-// waits for the ledger and for the client; neither holds anybody else up. The calls on whole sessions
-// (verify, journal, remove, clean) and the previews are in session_calls.cc.
+// waits for the ledger and for the client; neither holds anybody else up. The calls on whole
+// sessions (verify, journal, remove, clean) and the previews are in session_calls.cc.
 
 #include <atomic>
 

@@ -6,8 +6,8 @@ namespace mesorig::daemon {
 
 PreviewImage MakePreview(const FrameRecord& record, const std::string& pixels) {
   PreviewImage image;
-  const int square = 2 * std::max(1, (record.width + 2 * kMaxPreviewWidth - 1) /
-                                         (2 * kMaxPreviewWidth));
+  const int square =
+      2 * std::max(1, (record.width + 2 * kMaxPreviewWidth - 1) / (2 * kMaxPreviewWidth));
   const size_t bytes_per_pixel = record.bits > 8 ? 2 : 1;
   const auto width = static_cast<size_t>(std::max(0, record.width));
   if (record.width < square || record.height < square || record.bits < 1 || record.bits > 16 ||
@@ -20,8 +20,9 @@ PreviewImage MakePreview(const FrameRecord& record, const std::string& pixels) {
   const auto value = [&](size_t x, size_t y) -> uint64_t {
     const size_t at = (y * width + x) * bytes_per_pixel;
     const auto low = static_cast<uint8_t>(pixels[at]);
-    return bytes_per_pixel == 1 ? low : low | static_cast<uint64_t>(
-                                                  static_cast<uint8_t>(pixels[at + 1])) << 8;
+    return bytes_per_pixel == 1
+               ? low
+               : low | static_cast<uint64_t>(static_cast<uint8_t>(pixels[at + 1])) << 8;
   };
   const auto side = static_cast<size_t>(square);
   const uint64_t full = ((uint64_t{1} << record.bits) - 1) * side * side;

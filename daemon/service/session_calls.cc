@@ -11,22 +11,33 @@
 namespace mesorig::daemon {
 namespace {
 
-constexpr int kWaitMs = 100;          // how late an end or a cancellation is noticed
+constexpr int kWaitMs = 100;             // how late an end or a cancellation is noticed
 constexpr uint32_t kProgressEvery = 64;  // frames
 
 std::string_view NameOf(JournalKind kind) {
   switch (kind) {
-    case JournalKind::kBegan: return "began";
-    case JournalKind::kResumed: return "resumed";
-    case JournalKind::kPaused: return "paused";
-    case JournalKind::kContinued: return "continued";
-    case JournalKind::kPrompt: return "prompt";
-    case JournalKind::kRecovered: return "recovered";
-    case JournalKind::kExposure: return "exposure";
-    case JournalKind::kReference: return "reference";
-    case JournalKind::kAlarm: return "alarm";
-    case JournalKind::kNote: return "note";
-    case JournalKind::kEnded: return "ended";
+    case JournalKind::kBegan:
+      return "began";
+    case JournalKind::kResumed:
+      return "resumed";
+    case JournalKind::kPaused:
+      return "paused";
+    case JournalKind::kContinued:
+      return "continued";
+    case JournalKind::kPrompt:
+      return "prompt";
+    case JournalKind::kRecovered:
+      return "recovered";
+    case JournalKind::kExposure:
+      return "exposure";
+    case JournalKind::kReference:
+      return "reference";
+    case JournalKind::kAlarm:
+      return "alarm";
+    case JournalKind::kNote:
+      return "note";
+    case JournalKind::kEnded:
+      return "ended";
   }
   return "unknown";
 }
@@ -139,7 +150,8 @@ grpc::Status FramesService::CleanSessions(grpc::ServerContext*,
   if (request->has_older_than_s()) rule.older_than_s = request->older_than_s();
   rule.incomplete = request->incomplete_too();
   if (!rule.keep && !rule.older_than_s) {
-    return wire::ToGrpc(InvalidArgument("which sessions may go: neither a number nor an age is said"));
+    return wire::ToGrpc(
+        InvalidArgument("which sessions may go: neither a number nor an age is said"));
   }
   const auto sessions = sessions_.Describe();
   if (!sessions.ok()) return wire::ToGrpc(sessions.status());
@@ -154,8 +166,7 @@ grpc::Status FramesService::CleanSessions(grpc::ServerContext*,
   return grpc::Status::OK;
 }
 
-grpc::Status FramesService::Preview(grpc::ServerContext* context,
-                                    const v1::PreviewRequest* request,
+grpc::Status FramesService::Preview(grpc::ServerContext* context, const v1::PreviewRequest* request,
                                     grpc::ServerWriter<v1::PreviewFrame>* writer) {
   const auto camera = static_cast<int>(request->camera());
   std::shared_ptr<Session> session;

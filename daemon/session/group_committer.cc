@@ -35,9 +35,9 @@ Status GroupCommitter::Append(FrameRecord record, std::shared_ptr<const std::str
   --blocked_;
   MESORIG_RETURN_IF_ERROR(error_);
   if (is_full()) {
-    return absl::ResourceExhaustedError(fmt::format(
-        "{}; no more than {} are kept: shot {} of camera {} is not", Message(StorageLocked()),
-        max_queued_bytes_, record.shot, record.camera));
+    return absl::ResourceExhaustedError(
+        fmt::format("{}; no more than {} are kept: shot {} of camera {} is not",
+                    Message(StorageLocked()), max_queued_bytes_, record.shot, record.camera));
   }
   queue_.push_back({std::move(record), std::move(pixels), {}});
   queued_bytes_ += bytes;
@@ -164,8 +164,7 @@ bool GroupCommitter::CommitIsDue() {
     return true;
   }
   MutexLock lock(mutex_);
-  return !trouble_.ok() ||
-         (queue_.empty() && (flushing_ > 0 || blocked_ > 0 || closing_));
+  return !trouble_.ok() || (queue_.empty() && (flushing_ > 0 || blocked_ > 0 || closing_));
 }
 
 Status GroupCommitter::CommitGroup() {

@@ -4,9 +4,9 @@
 // at most kCommitInterval of host time after the oldest of them was written. Only then are they
 // durable.
 //
-// A disk that takes nothing (full, read-only, failing, a busy journal) costs nothing: the group stays
-// in memory, is tried again every kRetryInterval, and goes to the same places in the files. A damaged
-// journal is for good.
+// A disk that takes nothing (full, read-only, failing, a busy journal) costs nothing: the group
+// stays in memory, is tried again every kRetryInterval, and goes to the same places in the files. A
+// damaged journal is for good.
 
 #include <chrono>
 #include <deque>
@@ -44,8 +44,8 @@ class GroupCommitter {
   Status Append(FrameRecord record, std::shared_ptr<const std::string> pixels);
   // Queues; never blocks.
   Status Record(JournalEntry entry);
-  // Returns when everything appended is durable, or when one more attempt has failed (Storage()), or
-  // with the writer's error.
+  // Returns when everything appended is durable, or when one more attempt has failed (Storage()),
+  // or with the writer's error.
   Status Flush();
   // Tries a last time to bring everything to the disk and ends the thread.
   Status Close();
@@ -84,8 +84,8 @@ class GroupCommitter {
   std::deque<Queued> queue_ GUARDED_BY(mutex_);
   size_t queued_bytes_ GUARDED_BY(mutex_) = 0;  // not yet durable
   uint64_t appended_ GUARDED_BY(mutex_) = 0, durable_ GUARDED_BY(mutex_) = 0;
-  int flushing_ GUARDED_BY(mutex_) = 0;   // callers that wait in Flush
-  int blocked_ GUARDED_BY(mutex_) = 0;    // and in Append
+  int flushing_ GUARDED_BY(mutex_) = 0;  // callers that wait in Flush
+  int blocked_ GUARDED_BY(mutex_) = 0;   // and in Append
   bool retry_now_ GUARDED_BY(mutex_) = false, trying_ GUARDED_BY(mutex_) = false;
   uint64_t failures_ GUARDED_BY(mutex_) = 0;  // attempts that failed
   bool closing_ GUARDED_BY(mutex_) = false;
@@ -98,7 +98,7 @@ class GroupCommitter {
   std::vector<FrameRecord> rows_;
   std::vector<std::shared_ptr<const std::string>> pixels_;  // one a row
   std::vector<JournalEntry> entries_;
-  size_t written_ = 0;     // rows in their segments
+  size_t written_ = 0;      // rows in their segments
   bool is_synced_ = false;  // all of them
   size_t group_bytes_ = 0;
   size_t committed_ = 0, committed_bytes_ = 0;  // since the last Report

@@ -34,11 +34,16 @@ SessionState StateOf(SessionEnd end, bool is_locked) {
 
 std::string_view NameOf(SessionState state) {
   switch (state) {
-    case SessionState::kLive: return "live";
-    case SessionState::kComplete: return "complete";
-    case SessionState::kIncomplete: return "incomplete";
-    case SessionState::kKilled: return "killed";
-    case SessionState::kDamaged: return "damaged";
+    case SessionState::kLive:
+      return "live";
+    case SessionState::kComplete:
+      return "complete";
+    case SessionState::kIncomplete:
+      return "incomplete";
+    case SessionState::kKilled:
+      return "killed";
+    case SessionState::kDamaged:
+      return "damaged";
   }
   return "unknown";
 }
@@ -58,8 +63,7 @@ StatusOr<SessionInfo> DescribeSession(const std::filesystem::path& root, const s
   std::error_code no_wal;
   const auto wal_written = std::filesystem::last_write_time(wal, no_wal);
   if (!no_wal) written = std::max(written, wal_written);
-  const std::chrono::duration<double> age =
-      std::filesystem::file_time_type::clock::now() - written;
+  const std::chrono::duration<double> age = std::filesystem::file_time_type::clock::now() - written;
   info.age_s = error ? 0 : std::max(0.0, age.count());
   const auto ledger = Ledger::Open(folder.journal());
   const auto summary = ledger.ok() ? (*ledger)->ReadSummary() : ledger.status();
@@ -93,7 +97,8 @@ StatusOr<uint64_t> RemoveSession(const std::filesystem::path& root, const std::s
   std::filesystem::remove_all(part, error);
   std::filesystem::rename(folder.dir(), part, error);
   if (!error) std::filesystem::remove_all(part, error);
-  if (error) return Unavailable("{}: cannot be removed: {}", folder.dir().string(), error.message());
+  if (error)
+    return Unavailable("{}: cannot be removed: {}", folder.dir().string(), error.message());
   return bytes;
 }
 
@@ -123,8 +128,8 @@ StatusOr<uint32_t> RemoveUnfinished(const std::filesystem::path& root) {
        at.increment(error)) {
     const std::string name = at->path().filename().string();
     if (name.size() > 6 && name.front() == '.' && name.ends_with(".part") &&
-        IsFileName(std::string_view(name).substr(1, name.size() - 6)) &&
-        at->is_directory(error) && !at->is_symlink(error)) {
+        IsFileName(std::string_view(name).substr(1, name.size() - 6)) && at->is_directory(error) &&
+        !at->is_symlink(error)) {
       parts.push_back(at->path());
     }
   }

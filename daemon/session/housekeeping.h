@@ -14,7 +14,7 @@
 namespace mesorig::daemon {
 
 enum class SessionState {
-  kLive,        // somebody writes it
+  kLive,  // somebody writes it
   kComplete,
   kIncomplete,  // it was ended so
   kKilled,      // its end is open and nobody writes it

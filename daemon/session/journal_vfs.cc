@@ -14,7 +14,7 @@ namespace {
 
 // A file of ours; the real one lies behind it in the same allocation, as SQLite's VFS shims do.
 struct File {
-  sqlite3_file base;  // first: SQLite knows only this
+  sqlite3_file base;   // first: SQLite knows only this
   DiskFaults* faults;  // null: a temporary file
   std::filesystem::path* path;
   sqlite3_file* real() { return reinterpret_cast<sqlite3_file*>(this + 1); }
@@ -86,13 +86,25 @@ int ShmUnmap(sqlite3_file* file, int remove) {
 }
 
 // Version 2: SQLite then maps no file into memory, and every write comes by.
-const sqlite3_io_methods kMethods = {2,          Close,         Read,
-                                     Write,      Truncate,      Sync,
-                                     FileSize,   Lock,          Unlock,
-                                     CheckReservedLock,         FileControl,
-                                     SectorSize, DeviceCharacteristics,
-                                     ShmMap,     ShmLock,       ShmBarrier,
-                                     ShmUnmap,   nullptr,       nullptr};
+const sqlite3_io_methods kMethods = {2,
+                                     Close,
+                                     Read,
+                                     Write,
+                                     Truncate,
+                                     Sync,
+                                     FileSize,
+                                     Lock,
+                                     Unlock,
+                                     CheckReservedLock,
+                                     FileControl,
+                                     SectorSize,
+                                     DeviceCharacteristics,
+                                     ShmMap,
+                                     ShmLock,
+                                     ShmBarrier,
+                                     ShmUnmap,
+                                     nullptr,
+                                     nullptr};
 
 sqlite3_vfs* RealVfs() { return sqlite3_vfs_find(nullptr); }
 DiskFaults* FaultsOf(sqlite3_vfs* vfs) { return static_cast<DiskFaults*>(vfs->pAppData); }

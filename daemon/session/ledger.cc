@@ -51,11 +51,11 @@ StatusOr<std::unique_ptr<Ledger>> Ledger::Open(const std::filesystem::path& path
     return FailedPrecondition("{}: schema version {}, this program reads up to {}", path.string(),
                               version, kJournalVersion);
   }
-  if (version == 0) return DataLoss("{}: schema version 0, not in [1, {}]", path.string(),
-                                    kJournalVersion);
+  if (version == 0)
+    return DataLoss("{}: schema version 0, not in [1, {}]", path.string(), kJournalVersion);
   if (version < kJournalVersion && MigrateJournal(ledger->db_) != SQLITE_OK) {
-    return ledger->Error(fmt::format("migrating it from version {} to {}", version,
-                                     kJournalVersion));
+    return ledger->Error(
+        fmt::format("migrating it from version {} to {}", version, kJournalVersion));
   }
   return ledger;
 }
@@ -116,8 +116,7 @@ Status Ledger::InsertRows(const std::vector<FrameRecord>& rows) {
 
 Status Ledger::InsertEntries(const std::vector<JournalEntry>& entries) {
   if (entries.empty()) return OkStatus();
-  Statement insert(db_,
-                   "INSERT INTO entry (kind, rig_ns, item, value, text) VALUES (?,?,?,?,?)");
+  Statement insert(db_, "INSERT INTO entry (kind, rig_ns, item, value, text) VALUES (?,?,?,?,?)");
   for (const JournalEntry& entry : entries) {
     if (!insert.ok()) return Error("preparing journal entries");
     Binder(insert.get())

@@ -1,10 +1,10 @@
 #pragma once
 // A connection to a session's `journal.sqlite`: the session record, the frame ledger and the
-// journal's entries. WAL with synchronous=FULL: what Commit, WriteStart and WriteEnd returned OK for
-// survives a kill and a power cut. A live session holds two, one of its writer thread and one for
-// readers; neither blocks the other. One connection is for one thread at a time.
-// Errors: Unavailable names file and operation (full, read-only, failing or busy: it may be tried
-// again); DataLoss is for good.
+// journal's entries. WAL with synchronous=FULL: what Commit, WriteStart and WriteEnd returned OK
+// for survives a kill and a power cut. A live session holds two, one of its writer thread and one
+// for readers; neither blocks the other. One connection is for one thread at a time. Errors:
+// Unavailable names file and operation (full, read-only, failing or busy: it may be tried again);
+// DataLoss is for good.
 
 #include <filesystem>
 #include <functional>

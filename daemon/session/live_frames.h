@@ -26,15 +26,15 @@ class LiveFrames {
   uint32_t shots() const { return shots_; }
 
  private:
-  struct Stretch {  // of shots that a step plans
+  struct Stretch {                               // of shots that a step plans
     uint32_t first = 0, count = 0, cameras = 0;  // index into cameras_
   };
   bool Knows(int camera, uint32_t shot) const {
     return camera >= 0 && static_cast<size_t>(camera) < has_row_.size() && shot < shots_;
   }
   uint32_t shots_ = 0;
-  std::vector<Stretch> stretches_;         // by first
-  std::vector<std::vector<int>> cameras_;  // different lists of cameras
+  std::vector<Stretch> stretches_;                    // by first
+  std::vector<std::vector<int>> cameras_;             // different lists of cameras
   std::vector<std::vector<bool>> has_row_, is_live_;  // camera, shot
 };
 

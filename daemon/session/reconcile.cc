@@ -108,9 +108,9 @@ class Reconciler {
                     fmt::format("{}: the camera's frame {}", Name(r), r.frame_id));
     }
     if (r.exposure_end_ns < r.exposure_start_ns) {
-      findings_.Add("exposures that end before they begin",
-                    fmt::format("{}: {} ns, {} ns", Name(r), r.exposure_start_ns,
-                                r.exposure_end_ns));
+      findings_.Add(
+          "exposures that end before they begin",
+          fmt::format("{}: {} ns, {} ns", Name(r), r.exposure_start_ns, r.exposure_end_ns));
     }
   }
   // Size, depth and region; of a sweep also the place in it.

@@ -21,8 +21,8 @@ struct Imbalance {
 // the rig's depth and of its size or the sweep's region, at its place in the sweep; sequence
 // numbers without gaps; in one run no trigger and no frame of a camera shared by two shots, no
 // exposure that ends before it begins; and `verify` of every such row (its pixels, read again from
-// the segment, match their digest; of a released sweep, nothing more to verify). Empty: it balances.
-// The plan has passed CheckPlan. Errors are those of reading the ledger.
+// the segment, match their digest; of a released sweep, nothing more to verify). Empty: it
+// balances. The plan has passed CheckPlan. Errors are those of reading the ledger.
 StatusOr<std::vector<Imbalance>> FindImbalances(
     const CompiledPlan& plan, const Rig& rig, Ledger& ledger,
     const std::function<Status(const FrameRecord&)>& verify);

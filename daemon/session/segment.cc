@@ -85,7 +85,8 @@ StatusOr<SegmentWriter> SegmentWriter::Open(const std::filesystem::path& path, i
       fd = UniqueFd(::open(path.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, 0644));
       error = errno;
     }
-    if (fd.get() < 0) return Unavailable("{}: cannot be created: {}", path.string(), strerror(error));
+    if (fd.get() < 0)
+      return Unavailable("{}: cannot be created: {}", path.string(), strerror(error));
   }
   struct stat info {};
   if (fd.get() < 0 || ::fstat(fd.get(), &info) != 0) {
@@ -113,10 +114,10 @@ Status SegmentWriter::CutAt(uint64_t end) {
 Status SegmentWriter::Write(std::string_view bytes, uint64_t offset) {
   const std::string_view all = bytes;
   uint64_t torn = 0;
-  const int refused = faults_ == nullptr ? 0
-                                         : faults_->Before({DiskOperation::kWrite, path_, offset,
-                                                            bytes.size()},
-                                                           &torn);
+  const int refused =
+      faults_ == nullptr
+          ? 0
+          : faults_->Before({DiskOperation::kWrite, path_, offset, bytes.size()}, &torn);
   if (refused != 0) bytes = bytes.substr(0, torn);
   size_t done = 0;
   while (done < bytes.size()) {

@@ -20,10 +20,10 @@ StatusOr<SegmentWriters::File*> SegmentWriters::Get(const Key& key) {
   if (found != files_.end()) return &found->second;
   const std::string& camera = cameras_[static_cast<size_t>(key.first)];
   const auto end = ends_.find(key);
-  MESORIG_ASSIGN_OR_RETURN(SegmentWriter writer,
-                           SegmentWriter::Open(folder_.segment(camera, key.second), key.first,
-                                               camera, end == ends_.end() ? 0 : end->second,
-                                               faults_));
+  MESORIG_ASSIGN_OR_RETURN(
+      SegmentWriter writer,
+      SegmentWriter::Open(folder_.segment(camera, key.second), key.first, camera,
+                          end == ends_.end() ? 0 : end->second, faults_));
   // (An earlier attempt may have created it and failed at its header.)
   const bool sync_folder = writer.is_new() || end == ends_.end();
   (key.second == 0 ? has_new_main_ : has_new_sweep_) |= sync_folder;
@@ -118,8 +118,8 @@ Status SegmentReaders::Lost(const FrameRecord& record, const Status& status) con
 
 StatusOr<SegmentReaders::Reader> SegmentReaders::Get(const FrameRecord& record) {
   if (record.camera < 0 || static_cast<size_t>(record.camera) >= cameras_.size()) {
-    return DataLoss("frame {} (shot {}) is of camera {}, there are {}", record.sequence, record.shot,
-                    record.camera, cameras_.size());
+    return DataLoss("frame {} (shot {}) is of camera {}, there are {}", record.sequence,
+                    record.shot, record.camera, cameras_.size());
   }
   const auto camera = static_cast<size_t>(record.camera);
   if (record.segment == 0) {

@@ -23,8 +23,8 @@ namespace mesorig::daemon {
 // By camera and segment: where the last record that counts ends.
 using SegmentEnds = std::map<std::pair<int, uint32_t>, uint64_t>;
 
-// Owned and called by one thread (the session's writer). Unavailable names the file and what failed;
-// the same call may be made again.
+// Owned and called by one thread (the session's writer). Unavailable names the file and what
+// failed; the same call may be made again.
 class SegmentWriters {
  public:
   // Opens the main segments; what lies beyond `ends` is cut off, of those of sweeps when they are
@@ -38,7 +38,8 @@ class SegmentWriters {
   StatusOr<uint64_t> Append(const FrameRecord& record, std::string_view pixels);
   // Brings to the disk what was appended, new files included. Closes the segments of sweeps that
   // have their last planned frame, or whose camera has gone on to another segment; a frame that is
-  // shot again opens it again. After an error, Rewind, and append again what this should have synced.
+  // shot again opens it again. After an error, Rewind, and append again what this should have
+  // synced.
   Status Sync();
   // Goes back to what the last Sync brought to the disk.
   void Rewind();

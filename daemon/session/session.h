@@ -50,8 +50,8 @@ struct StoredFrame {
 
 // What a session's journal holds beside its frames, in order of time.
 enum class JournalKind : uint8_t {
-  kBegan = 1,      // the first start
-  kResumed = 2,    // a later one, after a kill or an end that was incomplete
+  kBegan = 1,    // the first start
+  kResumed = 2,  // a later one, after a kill or an end that was incomplete
   kPaused = 3,
   kContinued = 4,  // after a pause, or an operator's visit
   kPrompt = 5,
@@ -111,8 +111,8 @@ class Session {
                                                  const std::string& id);
   // Opens one that was killed or ended incomplete, to go on writing it: what is durable stays, torn
   // tails are cut off, its end is open again. InvalidArgument when its rig is not `rig` (digest);
-  // FailedPrecondition when it is complete, or somebody writes it; otherwise as Open. Takes time for
-  // reading the journal, none for the frames.
+  // FailedPrecondition when it is complete, or somebody writes it; otherwise as Open. Takes time
+  // for reading the journal, none for the frames.
   static StatusOr<std::shared_ptr<Session>> Resume(const std::filesystem::path& root,
                                                    const std::string& id, const Rig& rig,
                                                    SessionOptions options = {});
@@ -135,9 +135,12 @@ class Session {
   // Cameras of a planned shot that have no live frame: none appended, or what was is damaged.
   // Ascending. Any number of calls a shot: costs nothing. (The session keeps two bits a camera and
   // shot for it.) Of a session opened for reading: none.
-  virtual std::vector<int> Missing(uint32_t shot) const { (void)shot; return {}; }
-  // These frames are to be taken again: Missing tells them, and what comes in their place supersedes
-  // them. Until then, and after a kill, the ones that are there count.
+  virtual std::vector<int> Missing(uint32_t shot) const {
+    (void)shot;
+    return {};
+  }
+  // These frames are to be taken again: Missing tells them, and what comes in their place
+  // supersedes them. Until then, and after a kill, the ones that are there count.
   virtual Status Forget(uint32_t shot, const std::vector<int>& cameras) {
     (void)shot, (void)cameras;
     return Unimplemented("this session forgets nothing");
@@ -150,13 +153,13 @@ class Session {
   // The last durable lamp frame of the sample (Purpose::kData, not of a sweep) whose pixels are
   // whole; nothing: there is none.
   virtual StatusOr<std::optional<StoredFrame>> Reference() { return std::optional<StoredFrame>(); }
-  // Reads every live frame again after a Flush. Damaged ones are no longer live: Missing tells them,
-  // and the frame that comes in their place supersedes them. Returns how many there were.
+  // Reads every live frame again after a Flush. Damaged ones are no longer live: Missing tells
+  // them, and the frame that comes in their place supersedes them. Returns how many there were.
   virtual StatusOr<uint32_t> DropDamaged() { return 0u; }
   // OK, or why the disk takes nothing at the moment (Unavailable: file, operation, reason, bytes
-  // that wait): full, read-only, failing. What was appended waits in memory and is tried again twice
-  // a second; the sequencer pauses until it is OK again. The listener hears changes, on the writer's
-  // thread; one.
+  // that wait): full, read-only, failing. What was appended waits in memory and is tried again
+  // twice a second; the sequencer pauses until it is OK again. The listener hears changes, on the
+  // writer's thread; one.
   virtual Status Storage() const { return OkStatus(); }
   virtual void OnStorage(std::function<void(const Status&)>) {}
   // Returns when everything appended is durable. Unavailable when the disk takes nothing, after one
@@ -166,8 +169,8 @@ class Session {
   // what is on disk checked) and writes the end. DataLoss when the ledger does not balance: the
   // end is then incomplete, with that reason. Only an end asked for as complete is reconciled.
   // Unavailable when the disk takes nothing: a complete end is then not written, the session goes
-  // on, and Finish may be called again; an incomplete one ends what is in memory, and what waited is
-  // missing when it is resumed.
+  // on, and Finish may be called again; an incomplete one ends what is in memory, and what waited
+  // is missing when it is resumed.
   virtual Status Finish(bool complete, std::string_view reason, double virtual_s, double wall_s,
                         bool deterministic) = 0;
   // The camera's newest frame when it has given more than `after`, durable or not; waits at most

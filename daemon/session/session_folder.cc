@@ -96,8 +96,7 @@ StatusOr<UniqueFd> LockSession(const SessionFolder& folder) {
   struct flock lock = WholeFile();
   if (::fcntl(fd.get(), F_OFD_SETLK, &lock) != 0) {
     if (errno == EAGAIN || errno == EACCES) {
-      return FailedPrecondition("session {} is being written",
-                                folder.dir().filename().string());
+      return FailedPrecondition("session {} is being written", folder.dir().filename().string());
     }
     return Unavailable("{}: cannot be locked: {}", folder.plan().string(), strerror(errno));
   }

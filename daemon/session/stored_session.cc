@@ -9,9 +9,7 @@
 namespace mesorig::daemon {
 namespace {
 
-uint64_t KeyOf(int camera, uint32_t shot) {
-  return (static_cast<uint64_t>(camera) << 32) | shot;
-}
+uint64_t KeyOf(int camera, uint32_t shot) { return (static_cast<uint64_t>(camera) << 32) | shot; }
 
 bool AllFinite(const FrameRecord& r) {
   return std::isfinite(r.exposure_s) && (!r.laser || std::isfinite(r.laser->tilt_rad));
@@ -42,8 +40,7 @@ Status StoredSession::OpenForReading(DiskFaults* faults) {
   MutexLock lock(reader_mutex_);
   MESORIG_ASSIGN_OR_RETURN(reader_, Ledger::Open(folder_.journal(), faults_));
   MutexLock state_lock(mutex_);
-  MESORIG_ASSIGN_OR_RETURN(durable_,
-                           reader_->LastSequences(static_cast<int>(rig_.cameras.size())));
+  MESORIG_ASSIGN_OR_RETURN(durable_, reader_->LastSequences(static_cast<int>(rig_.cameras.size())));
   return OkStatus();
 }
 
@@ -53,7 +50,8 @@ Status StoredSession::BeginWriting(const CompiledPlan& plan, const SessionOption
   plan_ = plan;
   sweeps_ = PlannedSweeps(plan_);
   live_ = true;
-  MESORIG_ASSIGN_OR_RETURN(std::unique_ptr<Ledger> ledger, Ledger::Open(folder_.journal(), faults_));
+  MESORIG_ASSIGN_OR_RETURN(std::unique_ptr<Ledger> ledger,
+                           Ledger::Open(folder_.journal(), faults_));
   MESORIG_ASSIGN_OR_RETURN(SegmentEnds ends, ReadPlaces(*ledger));
   MESORIG_ASSIGN_OR_RETURN(const auto entries, ledger->ReadEntries());
   MESORIG_ASSIGN_OR_RETURN(
@@ -122,7 +120,8 @@ Status StoredSession::CheckFrame(const FrameRecord& r, const std::string* pixels
   }
   if (r.region_x < 0 || r.region_y < 0 || !AllFinite(r)) {
     return InvalidArgument(
-        "session {}: camera {}, shot {}: region at ({}, {}), exposure {} s or tilt {} rad cannot be",
+        "session {}: camera {}, shot {}: region at ({}, {}), exposure {} s or tilt {} rad cannot "
+        "be",
         id_, camera.name, r.shot, r.region_x, r.region_y, r.exposure_s,
         r.laser ? r.laser->tilt_rad : 0);
   }

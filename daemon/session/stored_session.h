@@ -95,7 +95,7 @@ class StoredSession final : public Session {
   CompiledPlan plan_;
   PlannedSweeps sweeps_;
   DiskFaults* faults_ = nullptr;
-  UniqueFd lock_;  // on the folder: one writer
+  UniqueFd lock_;          // on the folder: one writer
   SessionSummary before_;  // the session record when this run began
 
   mutable Mutex mutex_;

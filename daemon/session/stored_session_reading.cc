@@ -43,8 +43,7 @@ StatusOr<std::optional<StoredFrame>> StoredSession::Reference() {
       std::optional<FrameRecord> row;
       {
         MutexLock lock(reader_mutex_);
-        MESORIG_ASSIGN_OR_RETURN(const uint64_t sequence,
-                                 reader_->LastOfShot(camera, step->shot));
+        MESORIG_ASSIGN_OR_RETURN(const uint64_t sequence, reader_->LastOfShot(camera, step->shot));
         if (sequence != 0) {
           MESORIG_ASSIGN_OR_RETURN(row, reader_->Find(camera, sequence));
         }

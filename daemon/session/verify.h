@@ -16,7 +16,7 @@ namespace mesorig::daemon {
 
 struct VerifyReport {
   SessionSummary summary;
-  std::vector<Imbalance> imbalances;  // empty: every planned frame is there, whole, once
+  std::vector<Imbalance> imbalances;   // empty: every planned frame is there, whole, once
   uint32_t rows = 0, frames_live = 0;  // live: not superseded
   uint32_t frames_released = 0;        // live, and of released sweeps: only digests are left
   uint64_t bytes_read = 0;             // of pixels

@@ -1,7 +1,7 @@
 #pragma once
-// What can go wrong with a disk, on purpose: whoever keeps something durable asks the hook before it
-// touches the disk, so that tests see a full, read-only, failing, slow or dead one. In the product
-// there is no hook.
+// What can go wrong with a disk, on purpose: whoever keeps something durable asks the hook before
+// it touches the disk, so that tests see a full, read-only, failing, slow or dead one. In the
+// product there is no hook.
 
 #include <cstdint>
 #include <filesystem>
@@ -9,11 +9,11 @@
 namespace mesorig {
 
 enum class DiskOperation : uint8_t {
-  kCreate,      // a file
+  kCreate,  // a file
   kMakeFolder,
-  kWrite,       // `bytes` at `offset`
-  kTruncate,    // to `offset`
-  kSync,        // of a file, or of a folder's entries
+  kWrite,     // `bytes` at `offset`
+  kTruncate,  // to `offset`
+  kSync,      // of a file, or of a folder's entries
   kRename,
   kRemove,
 };

@@ -147,7 +147,8 @@ TEST(Preview, IsSmallAndKeepsTheMean) {
   EXPECT_EQ(MakePreview(record, std::string(960, 'x')).grey, "");
 }
 
-// A consumer that was reading a killed session goes on in the resumed one: every row once, in order.
+// A consumer that was reading a killed session goes on in the resumed one: every row once, in
+// order.
 TEST_F(SessionCalls, AResumedSessionIsLiveForItsReaders) {
   std::string id;
   {

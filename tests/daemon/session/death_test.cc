@@ -8,8 +8,8 @@
 namespace mesorig::daemon {
 namespace {
 
-// Three lamp shots of cameras 0 and 3, then a sweep of three frames of camera 3 that is kept and one
-// of two frames of both that is not.
+// Three lamp shots of cameras 0 and 3, then a sweep of three frames of camera 3 that is kept and
+// one of two frames of both that is not.
 CompiledPlan TinyPlan(const Rig& rig) {
   CompiledPlan plan = SweepingPlan(rig);
   std::vector<Step> steps;
@@ -68,8 +68,8 @@ class DeathTest : public ::testing::Test {
     return Internal("camera {} does not see this sweep", camera);
   }
 
-  // What the sequencer does: takes what is missing, and journals. A flush after each record, so that
-  // each is a transaction of its own.
+  // What the sequencer does: takes what is missing, and journals. A flush after each record, so
+  // that each is a transaction of its own.
   static Status Capture(Session& session, const CompiledPlan& plan) {
     MESORIG_RETURN_IF_ERROR(session.Record({JournalKind::kBegan, 0, -1, 0, "began"}));
     MESORIG_RETURN_IF_ERROR(session.Flush());
@@ -195,8 +195,8 @@ TEST_F(DeathTest, KilledAfterEveryRecordOfOneSession) {
   std::string id;
   uint32_t deaths = 0;
   for (uint32_t n = 1;; ++n) {
-    auto session = id.empty() ? Session::Create(root, plan_, rig_)
-                              : Session::Resume(root, id, rig_);
+    auto session =
+        id.empty() ? Session::Create(root, plan_, rig_) : Session::Resume(root, id, rig_);
     ASSERT_TRUE(session.ok()) << session.status();
     id = (*session)->id();
     // One record, then gone without an end.

@@ -214,8 +214,7 @@ TEST_F(HostileFiles, MutatedJournalsAreResumedOrRefused) {
   int refused = 0, resumed = 0;
   for (int i = 0; i < 400; ++i) {
     std::filesystem::remove_all(folder_.path() / id_);
-    std::filesystem::copy(original, folder_.path() / id_,
-                          std::filesystem::copy_options::recursive);
+    std::filesystem::copy(original, folder_.path() / id_, std::filesystem::copy_options::recursive);
     std::string bytes = whole;
     for (unsigned n = 1 + random() % 8; n > 0; --n) {
       bytes[random() % bytes.size()] = static_cast<char>(random());

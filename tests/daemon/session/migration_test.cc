@@ -174,8 +174,8 @@ TEST_F(Migration, ANewerJournalIsRefusedWithItsNumber) {
     ASSERT_EQ(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
     sqlite3_close(db);
     const Status status = Session::Open(folder_.path(), id_).status();
-    EXPECT_EQ(status.code(), version == 0 ? absl::StatusCode::kDataLoss
-                                          : absl::StatusCode::kFailedPrecondition)
+    EXPECT_EQ(status.code(),
+              version == 0 ? absl::StatusCode::kDataLoss : absl::StatusCode::kFailedPrecondition)
         << status;
     EXPECT_NE(Message(status).find(fmt::format("schema version {}", version)), std::string::npos)
         << status;

@@ -32,7 +32,8 @@ class ScriptedDisk final : public DiskFaults {
     MutexLock lock(mutex_);
     fail_from_ = kNever;
   }
-  // The n-th operation does not happen (of a write, half of it does when `torn`), and nothing after.
+  // The n-th operation does not happen (of a write, half of it does when `torn`), and nothing
+  // after.
   void DieAt(uint64_t n, bool torn) {
     MutexLock lock(mutex_);
     die_at_ = n;
@@ -67,8 +68,8 @@ class ScriptedDisk final : public DiskFaults {
     return 0;
   }
 
-  // What was written and not synced is there or not, each piece by chance: the old bytes, or garbage
-  // where there were none. Call when nobody writes any more.
+  // What was written and not synced is there or not, each piece by chance: the old bytes, or
+  // garbage where there were none. Call when nobody writes any more.
   void CutPower(uint32_t seed) {
     MutexLock lock(mutex_);
     std::mt19937 random(seed);
