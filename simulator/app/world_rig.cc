@@ -61,7 +61,12 @@ ImageSource::Scene WorldRig::Observe(RigTime from, RigTime to) {
   if (laser_) {
     scene.laser_mount = laser_->mount();
     scene.laser_level = laser_->MeanLevel(from, to);
-    if (scene.laser_level > 0) scene.laser_tilt_rad = laser_->Tilt(middle);
+    // Whole nanoradians: where the motor stood when the laser was mounted leaves rounding errors, and
+    // equal commands must give equal pixels.
+    constexpr double kTiltStep_rad = 1e-9;
+    if (scene.laser_level > 0) {
+      scene.laser_tilt_rad = std::round(laser_->Tilt(middle) / kTiltStep_rad) * kTiltStep_rad;
+    }
     scene.key.laser_level = scene.laser_level;
     scene.key.laser_tilt_rad = scene.laser_tilt_rad;
   }

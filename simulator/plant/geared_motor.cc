@@ -33,7 +33,14 @@ double GearedMotor::Move::Speed(RigTime t) const {
   return target_speed + (speed - target_speed) * std::exp(-seconds / time_constant_s);
 }
 
-double GearedMotor::Move::Driven(RigTime t, double play_rad) const {
+double GearedMotor::Move::Angle(RigTime t, double detent_rad) const {
+  const double seconds = Elapsed(t), free = AngleAfter(seconds);
+  // A move that begins at rest has been turned already, or a hand placed it.
+  const bool stands = speed != 0 && seconds >= RestAfter();
+  return stands && detent_rad > 0 ? std::round(free / detent_rad) * detent_rad : free;
+}
+
+double GearedMotor::Move::Driven(RigTime t, double play_rad, double detent_rad) const {
   const double seconds = Elapsed(t);
   double side = driven;
   const auto push = [&](double motor) {
@@ -45,6 +52,7 @@ double GearedMotor::Move::Driven(RigTime t, double play_rad) const {
     if (turn < seconds) push(AngleAfter(turn));
   }
   push(AngleAfter(seconds));
+  push(Angle(t, detent_rad));
   return side;
 }
 
@@ -72,7 +80,7 @@ RigTime GearedMotor::WhenAt(double angle_rad) const {
   const Move& move = moves_.back();
   const double v = move.target_speed, sign = v > 0 ? 1 : -1;
   if (v == 0) return kNever;
-  const auto there = [&](RigTime t) { return sign * (move.Angle(t) - angle_rad) >= 0; };
+  const auto there = [&](RigTime t) { return sign * (move.Angle(t, 0) - angle_rad) >= 0; };
   if (there(move.start)) return move.start;
   // Not there at the start, it gets there once: v t outgrows whatever the run-up takes away.
   const double latest =

@@ -89,7 +89,7 @@ class Night {
     EXPECT_EQ(verified.code, 0) << verified.text;
     const json ledger = json::parse(verified.text, nullptr, false);
     if (!ledger.is_object()) return {};
-    return {ledger.value("content", ""), DigestOf(products / "sample.btf.exr"),
+    return {ledger.value("content_digest", ""), DigestOf(products / "sample.btf.exr"),
             DigestOf(products / "sample.mdf.exr")};
   }
   std::string Logs() const { return client_->Log() + rig_.Logs(); }

@@ -10,11 +10,12 @@ namespace {
 
 constexpr uint32_t kMissetStream = 0x4D4F55;  // a stream of its own
 constexpr size_t kKeptSwitches = 1024;
+constexpr double kDegree = kPi / 180;  // what the tachometer counts, and the motor's detents
 
 }  // namespace
 
 LaserUnit::LaserUnit(const Rig& rig, uint64_t seed, Contactor& contactor)
-    : laser_(*rig.laser), seed_(seed), motor_(laser_.backlash_rad) {
+    : laser_(*rig.laser), seed_(seed), motor_(laser_.backlash_rad, kDegree) {
   Hang(0, {});
   contactor.OnChange([this](bool closed, RigTime now) {
     contactor_closed_ = closed;
@@ -79,7 +80,6 @@ void LaserUnit::Hang(int mount, RigTime now) {
                              kMissetStream, static_cast<uint32_t>(mount), 0);
   const double misset = (2 * random.Uniform() - 1) * kMisset_rad;
   // The hand leaves the motor on a whole degree: what follows does not depend on what was before.
-  constexpr double kDegree = kPi / 180;
   motor_.Place(std::round(motor_.Angle(now) / kDegree) * kDegree, now);
   tilt_offset_rad_ = misset - motor_.Driven(now) / laser_.gear_ratio;
   if (on_mount_) on_mount_(mount, now);

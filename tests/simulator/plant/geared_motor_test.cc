@@ -10,6 +10,7 @@ namespace mesorig::plant {
 namespace {
 
 using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
 using std::chrono::seconds;
 
 TEST(GearedMotor, RunsUpWithFirstOrderLag) {
@@ -32,6 +33,24 @@ TEST(GearedMotor, BrakesToAStandstillThatLasts) {
   EXPECT_NEAR(rest, at - (3 - kStandstill_rad_s) * 0.02, 1e-9);
   EXPECT_EQ(motor.Speed(seconds(9)), 0);
   EXPECT_EQ(motor.Angle(seconds(10000)), rest);
+}
+
+// Where it stands in the end does not depend on how exactly it came.
+TEST(GearedMotor, CoggingTurnsItToADetent) {
+  constexpr double kDetent = 0.01;
+  double rests[2];
+  for (const int k : {0, 1}) {
+    GearedMotor motor(0.004, kDetent);
+    motor.Drive(3, 0.05, {});
+    motor.Drive(0, 0.02, seconds(2) + nanoseconds(1000 * k));
+    EXPECT_NE(std::remainder(motor.Angle(seconds(2) + milliseconds(5)), kDetent), 0) << "it turns";
+    rests[k] = motor.Angle(seconds(9));
+    EXPECT_NEAR(std::remainder(rests[k], kDetent), 0, 1e-12);
+    EXPECT_NEAR(motor.Driven(seconds(9)), rests[k], 0.002 + 1e-12) << "within the play";
+    motor.Drive(3, 0.05, seconds(9));
+    EXPECT_EQ(motor.Angle(seconds(9)), rests[k]);
+  }
+  EXPECT_EQ(rests[0], rests[1]);
 }
 
 TEST(GearedMotor, KnowsWhenItGetsThere) {
