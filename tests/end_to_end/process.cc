@@ -90,7 +90,7 @@ int Service::End(int signal) {
       ::waitpid(pid, &status, 0);
       return -1;
     }
-    std::this_thread::yield();
+    PollPause();
   }
   return CodeOf(status);
 }
@@ -101,11 +101,13 @@ std::string Service::Log() const {
   return text.str();
 }
 
+void PollPause() { std::this_thread::sleep_for(std::chrono::milliseconds(2)); }
+
 bool AwaitFile(const std::filesystem::path& path) {
   const auto limit = HostClock::now() + std::chrono::seconds(60);
   while (!std::filesystem::exists(path)) {
     if (HostClock::now() > limit) return false;
-    std::this_thread::yield();
+    PollPause();
   }
   return true;
 }

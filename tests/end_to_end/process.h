@@ -37,6 +37,9 @@ class Service {
   std::filesystem::path log_;
 };
 
+// Between two looks at another process: the cores are the programs'.
+void PollPause();
+
 // Waits at most 60 s of host time for a file to appear.
 bool AwaitFile(const std::filesystem::path& path);
 
