@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "daemon/service/session_store.h"
+#include "protocol/base/check.h"
 #include "protocol/base/mutex.h"
 #include "protocol/base/program.h"
 #include "tests/bench/consumer.h"

@@ -70,7 +70,7 @@ class RequestRunner {
     // A stream of what goes on ends with its deadline; a single answer that does not come hangs.
     const bool streams = method->server_streaming();
     context.set_deadline(std::chrono::system_clock::now() +
-                         std::chrono::milliseconds(streams ? 300 : 30'000));
+                         std::chrono::milliseconds(streams ? 100 : 30'000));
     const grpc::Status status = Call(context, "/" + name, grpc::ByteBuffer(&slice, 1));
     MESORIG_CHECK(streams || status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED);
   }
