@@ -27,7 +27,9 @@ Rig PatternRig(const std::filesystem::path& source_dir, int bytes_per_pixel) {
 CompiledPlan PatternPlan(const Rig& rig, uint32_t shots) {
   CompiledPlan plan;
   plan.name = "pattern";
+  plan.sample_name = "pattern";
   plan.rig_sha256 = rig.sha256;
+  plan.product = {4, 4, 1, 1};
   for (uint32_t shot = 0; shot < shots; ++shot) {
     Step step;
     step.kind = StepKind::kShot;
