@@ -25,6 +25,9 @@ TEST(Chain, CapturesCompressesAndRenders) {
   EXPECT_EQ(run["frames_planned"], 2 * 2 * 3 * 3);
   EXPECT_EQ(run["frames_on_disk"], run["frames_planned"]);
   EXPECT_TRUE(run["deterministic"]);
+  // Opening, homing and warm-up are not the plan's.
+  const double took_s = run.value("virtual_s", 0.0) - run.value("preparation_s", 0.0);
+  EXPECT_NEAR(took_s / run.value("estimated_s", 1.0), 1, 0.02) << run.dump();
   ASSERT_EQ(run["products"].size(), 1u) << rig.Logs();
   const std::string btf = run["products"][0]["path"];
   const TemporaryFolder& folder = rig.folder();
