@@ -114,11 +114,13 @@ Status RigStance::AwaitLight() {
   const auto& lamps = context_.rig.lamps;
   double settle_s = 0;  // lamps that go off count too
   for (const auto& each : lamps) settle_s = std::max(settle_s, each.settle_s);
+  // From shortly before that time on, or from now: a long way of the laser may have come between.
+  const RigTime step = FromSeconds(settle_s / kPollsPerSettle);
+  RigTime due = std::max(switched_ + (kPollsPerSettle - 1) * step, context_.clock.Now());
   std::vector<double> last, levels;
   for (int poll = kPollsPerSettle - 1; poll <= kPollsPerSettle * kSettleTimes; ++poll) {
-    const RigTime due = switched_ + FromSeconds(settle_s * poll / kPollsPerSettle);
-    if (due < context_.clock.Now() && !levels.empty()) continue;
     MESORIG_RETURN_IF_ERROR(Wait(due));
+    due += step;
     last = std::move(levels);
     MESORIG_ASSIGN_OR_RETURN(levels, ReadLevels());
     if (context_.clock.Now() < switched_ + FromSeconds(settle_s)) continue;

@@ -11,13 +11,14 @@ constexpr double kPastSwitch_rad = 2 * kPi / 360;
 
 // The laser unit on an NXT brick (daemon/drivers/nxt_laser): power of its travels, run-up before
 // the first frame, what a command and the reading after it take, and how the laser goes off.
-constexpr double kTravelPower = 0.6;
-constexpr double kTravelRest_s = 0.23;
+constexpr double kTravelPower = 0.6, kApproachPower = 0.2;
+constexpr double kTravelRest_s = 0.3, kBraking_s = 0.18;
 constexpr double kRunUp_s = 0.3;
 constexpr double kPositionTolerance_rad = 20 * kPi / 180;
 constexpr double kStart_s = 0.1;
 constexpr double kLaserOff_s = kLaserOneShot_s - 0.05;
-constexpr double kCoasting_s = 0.25;
+constexpr double kCoasting_s = 0.16;  // until it is braked for the next way
+constexpr double kApproach_rad = 60 * kPi / 180;
 
 double TravelSeconds(double distance_rad, double speed_rad_s) {
   return std::abs(distance_rad) / speed_rad_s + kTravelRest_s;
@@ -84,8 +85,11 @@ SweepTime SweepSeconds(const Laser& laser, const Sweep& sweep, double at_tilt_ra
   const double sign = step_rad < 0 ? -1 : 1;
   const double start_rad = sweep.tilt_from_rad * laser.gear_ratio - sign * run_up_rad;
   SweepTime time;
-  time.prepare_s = TravelSeconds(start_rad - at_tilt_rad * laser.gear_ratio,
-                                 kTravelPower * laser.full_speed_rad_s);
+  const double approach_rad = start_rad - sign * kApproach_rad;
+  time.prepare_s = kBraking_s +
+                   TravelSeconds(approach_rad - at_tilt_rad * laser.gear_ratio,
+                                 kTravelPower * laser.full_speed_rad_s) +
+                   TravelSeconds(kApproach_rad, kApproachPower * laser.full_speed_rad_s);
   // The last frame's own period is its exposure and readout.
   time.run_s = kStart_s + run_up_rad / motor_rad_s +
                sweep.frames * std::abs(step_rad) / rate_rad_s + kLaserOff_s;

@@ -6,6 +6,9 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <map>
+#include <numeric>
+
 #include "tests/end_to_end/running_rig.h"
 
 namespace mesorig::test {
@@ -23,18 +26,26 @@ struct Result {
   friend bool operator==(const Result&, const Result&) = default;
 };
 
-uintmax_t SegmentBytes(const fs::path& session) {
-  uintmax_t bytes = 0;
-  std::error_code gone;  // released sweeps go while we look
-  for (fs::recursive_directory_iterator at(session, gone), end; !gone && at != end;
-       at.increment(gone)) {
-    if (at->path().extension() != ".seg") continue;
-    std::error_code error;
-    const uintmax_t size = fs::file_size(at->path(), error);
-    if (!error) bytes += size;
+// How far a capture has come: the most bytes that each of its segments had when looked at (those of
+// released sweeps go meanwhile).
+class Progress {
+ public:
+  uintmax_t Look(const fs::path& session) {
+    std::error_code gone;  // released sweeps go while we look
+    for (fs::recursive_directory_iterator at(session, gone), end; !gone && at != end;
+         at.increment(gone)) {
+      if (at->path().extension() != ".seg") continue;
+      std::error_code error;
+      const uintmax_t size = fs::file_size(at->path(), error);
+      if (!error) most_[at->path()] = std::max(most_[at->path()], size);
+    }
+    return std::accumulate(most_.begin(), most_.end(), uintmax_t{0},
+                           [](uintmax_t sum, const auto& segment) { return sum + segment.second; });
   }
-  return bytes;
-}
+
+ private:
+  std::map<fs::path, uintmax_t> most_;
+};
 
 std::string DigestOf(const fs::path& file) {
   const Outcome outcome = RunProgram("mesorig-btf", {"digest", file.string(), "--json"});
@@ -56,7 +67,7 @@ class Night {
 
   // Returns when so many bytes are in the segments, or the capture is over.
   void AwaitBytes(uintmax_t bytes) {
-    while (client_->Running() && (session().empty() || SegmentBytes(session_dir()) < bytes)) {
+    while (client_->Running() && (session().empty() || this->bytes() < bytes)) {
       PollPause();
     }
   }
@@ -91,7 +102,7 @@ class Night {
             DigestOf(products / "sample.mdf.exr")};
   }
   std::string Logs() const { return client_->Log() + rig_.Logs(); }
-  uintmax_t bytes() { return SegmentBytes(session_dir()); }
+  uintmax_t bytes() { return progress_.Look(session_dir()); }
 
  private:
   // The client says which one it began.
@@ -119,6 +130,7 @@ class Night {
   RunningRig rig_;
   std::unique_ptr<Service> client_;
   std::string session_;
+  Progress progress_;
 };
 
 class Kill : public ::testing::Test {
@@ -127,8 +139,8 @@ class Kill : public ::testing::Test {
   int StrikeEverywhere(const char* victim, void (Night::*strike)()) {
     Night undisturbed;
     undisturbed.AwaitBytes(1);
-    uintmax_t most = 0;  // segments of sweeps are released: the most that there was
-    for (; undisturbed.capturing(); PollPause()) most = std::max(most, undisturbed.bytes());
+    uintmax_t most = 0;
+    for (; undisturbed.capturing(); PollPause()) most = undisturbed.bytes();
     const Result expected = undisturbed.Finish();
     if (expected.frames.empty() || expected.btf.empty() || expected.mdf.empty()) {
       ADD_FAILURE() << "no undisturbed night: " << undisturbed.Logs();

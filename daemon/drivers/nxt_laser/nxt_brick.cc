@@ -92,6 +92,14 @@ Status NxtBrick::Run(int motor, int power, uint32_t limit_deg) {
   return Exchange("motor on", out.Take(), 3).status();
 }
 
+Status NxtBrick::Brake(int motor) {
+  ByteWriter out = Telegram(kSetOutputState);
+  out.Put(static_cast<uint8_t>(motor)).Put<int8_t>(0);
+  out.Put<uint8_t>(kMotorOn | kBrake).Put(kRegulationIdle);
+  out.Put<int8_t>(0).Put(kRunRunning).Put<uint32_t>(0);
+  return Exchange("brake", out.Take(), 3).status();
+}
+
 Status NxtBrick::Halt(int motor) {
   ByteWriter out = Telegram(kSetOutputState);
   out.Put(static_cast<uint8_t>(motor)).Put<int8_t>(0);

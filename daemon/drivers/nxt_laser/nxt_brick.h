@@ -36,6 +36,8 @@ class NxtBrick {
   // Motor on at a regulated speed, power in -100..100. `limit_deg` > 0: it stops itself after so
   // many degrees; 0: it runs until told otherwise.
   Status Run(int motor, int power, uint32_t limit_deg);
+  // Stops the motor where it is, and holds it until the next command.
+  Status Brake(int motor);
   // Lets go: a worm gear holds by itself.
   Status Halt(int motor);
   Status ResetPosition(int motor);

@@ -10,10 +10,13 @@ namespace mesorig::daemon::nxt_laser {
 namespace {
 
 constexpr double kMinBattery_v = 6.5;  // six cells of 1.2 V, nearly empty
-constexpr int kTravelPower = 60;
+constexpr int kTravelPower = 60, kApproachPower = 20;
+constexpr double kApproach_deg = 60;           // the last leg, always in the sweep's direction
 constexpr double kRunUp_s = 0.3;               // until a sweep's speed is steady
 constexpr double kPositionTolerance_deg = 10;  // of the motor, after a travel
 constexpr int kTravelAttempts = 3;
+constexpr int kStandingReadings = 5;  // the same in a row: the motor stands
+constexpr double kBraking_s = 1;      // enough to stop from full speed
 constexpr double kTravelMargin_s = 3;
 constexpr RigTime kPoll = std::chrono::milliseconds(20);
 constexpr RigTime kKeepAlivePeriod = std::chrono::seconds(60);
@@ -43,8 +46,9 @@ class NxtLaser final : public LineLaser {
   double RateOf(int power) const {
     return power / 100.0 * laser_.full_speed_rad_s / laser_.gear_ratio;
   }
-  // Motor to this position, at rest.
-  Status Travel(double motor_deg);
+  // Motor from rest to this position, at rest.
+  Status Travel(double motor_deg, int power);
+  // Until the motor stands, not driven any more. DeadlineExceeded names the position on the way.
   Status AwaitRest(RigTime deadline, double motor_deg);
   Status Pause();  // one poll
   // The motor, as long as its zero is where it was marked: Unavailable once the brick was off.
@@ -119,10 +123,17 @@ Status NxtLaser::Prepare(double tilt_rad, double rate_rad_s) {
   MESORIG_ASSIGN_OR_RETURN(const int power, PowerFor(rate_rad_s));
   const double run_up_deg = DegFromRad(laser_.backlash_rad) + 2 * kPositionTolerance_deg +
                             kRunUp_s * DegFromRad(laser_.full_speed_rad_s) * std::abs(power) / 100;
-  return Travel(MotorDeg(tilt_rad) - std::copysign(run_up_deg, rate_rad_s));
+  const double start_deg = MotorDeg(tilt_rad) - std::copysign(run_up_deg, rate_rad_s);
+  // The same sweep begins at the same place whatever was before it: the way is measured with the
+  // motor at rest, and where braking ends is that of the last leg.
+  MESORIG_RETURN_IF_ERROR(Named(brick_.Brake(laser_.motor_port)));
+  MESORIG_RETURN_IF_ERROR(AwaitRest(clock_.Now() + FromSeconds(kBraking_s), start_deg));
+  MESORIG_RETURN_IF_ERROR(
+      Travel(start_deg - std::copysign(kApproach_deg, rate_rad_s), kTravelPower));
+  return Travel(start_deg, kApproachPower);
 }
 
-Status NxtLaser::Travel(double motor_deg) {
+Status NxtLaser::Travel(double motor_deg, int power) {
   double residual = 0;
   for (int attempt = 0; attempt <= kTravelAttempts; ++attempt) {
     MESORIG_ASSIGN_OR_RETURN(const OutputState output, GetOutput());
@@ -130,10 +141,10 @@ Status NxtLaser::Travel(double motor_deg) {
     if (std::abs(residual) <= kPositionTolerance_deg) return OkStatus();
     if (attempt == kTravelAttempts) break;
     const auto distance = static_cast<uint32_t>(std::abs(std::round(residual)));
-    MESORIG_RETURN_IF_ERROR(Named(
-        brick_.Run(laser_.motor_port, residual > 0 ? kTravelPower : -kTravelPower, distance)));
+    MESORIG_RETURN_IF_ERROR(
+        Named(brick_.Run(laser_.motor_port, residual > 0 ? power : -power, distance)));
     const double seconds =
-        distance / (DegFromRad(laser_.full_speed_rad_s) * kTravelPower / 100) + kTravelMargin_s;
+        distance / (DegFromRad(laser_.full_speed_rad_s) * power / 100) + kTravelMargin_s;
     MESORIG_RETURN_IF_ERROR(AwaitRest(clock_.Now() + FromSeconds(seconds), motor_deg));
   }
   return Unavailable("laser {}: the motor stands {:.0f} deg from {:.0f} deg after {} moves",
@@ -146,14 +157,13 @@ Status NxtLaser::Pause() {
 }
 
 Status NxtLaser::AwaitRest(RigTime deadline, double motor_deg) {
-  // At rest: not driven any more, and two readings in a row the same.
   int32_t last = 0;
-  bool has_last = false;
-  for (;;) {
+  for (int same = 0;;) {
     MESORIG_RETURN_IF_ERROR(Pause());
     MESORIG_ASSIGN_OR_RETURN(const OutputState output, GetOutput());
-    if (!output.running && has_last && output.rotation_deg == last) return OkStatus();
-    has_last = !output.running;
+    const bool driven = output.running && output.power != 0;  // braked, it counts as running
+    same = driven ? 0 : same > 0 && output.rotation_deg == last ? same + 1 : 1;
+    if (same == kStandingReadings) return OkStatus();
     last = output.rotation_deg;
     if (clock_.Now() >= deadline) {
       (void)Stop();

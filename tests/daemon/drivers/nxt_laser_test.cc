@@ -24,7 +24,7 @@ std::string Bytes(std::initializer_list<int> values) {
   return bytes;
 }
 
-// A motor that turns at exactly its regulated speed and stops at its limit at once.
+// A motor that turns at exactly its regulated speed and stops at its limit, or braked, at once.
 class MemoryBrick final : public UsbPort {
  public:
   explicit MemoryBrick(RigClock& clock) : clock_(clock) {}
@@ -33,6 +33,8 @@ class MemoryBrick final : public UsbPort {
   std::function<std::string(std::string)> meddle;  // what becomes of a reply
   int battery_mv = 7900;
   double full_speed_deg_s = 900;
+  double runs_on_s = 0;    // let go, the motor turns on for so long
+  double overshoot_s = 0;  // likewise after its limit
 
   Status Write(std::string_view packet) override {
     telegrams.emplace_back(packet);
@@ -72,15 +74,22 @@ class MemoryBrick final : public UsbPort {
         at_ = at;
         const auto power = static_cast<int8_t>(telegram[3]);
         const bool on = (telegram[4] & 1) != 0 && telegram[7] == 0x20;
-        speed_ = on ? power / 100.0 * full_speed_deg_s : 0;
+        const bool brakes = (telegram[4] & 2) != 0;
+        const double let_go = on || brakes || !running() ? 0 : speed_;
+        power_ = power;
+        speed_ = on ? power / 100.0 * full_speed_deg_s : let_go;
         uint32_t limit = 0;
         std::memcpy(&limit, telegram.data() + 8, sizeof(limit));
-        limit_ = on ? limit : 0;
+        limit_ = on ? limit : std::abs(let_go) * runs_on_s;
+        if (limit > 0) limit_ += std::abs(speed_) * overshoot_s;
+        driven_ = on;
+        if (limit_ == 0 && !on) speed_ = 0;
         return Bytes({2, 4, 0});
       }
       case 0x06: {
         EXPECT_EQ(telegram.size(), 3u);
-        std::string reply = Bytes({2, 6, 0, telegram[2], 0, 0, 0, 0, running() ? 0x20 : 0});
+        std::string reply = Bytes(
+            {2, 6, 0, telegram[2], power_, 0, 0, 0, driven_ && (power_ == 0 || running()) ? 0x20 : 0});
         const auto rotation = static_cast<int32_t>(std::floor(position_deg()));
         for (const int32_t number : {0, rotation + tacho_zero_, 0, rotation}) {  // limit, tacho, block
           for (int i = 0; i < 4; ++i) reply.push_back(static_cast<char>(number >> (8 * i)));
@@ -103,6 +112,8 @@ class MemoryBrick final : public UsbPort {
   RigClock& clock_;
   std::function<void(RigTime, std::string)> handler_ = [](RigTime, std::string) {};
   double at_ = 0, speed_ = 0, limit_ = 0;
+  int power_ = 0;
+  bool driven_ = false;  // by the last command, be it to stand
   int32_t tacho_zero_ = 0;
   RigTime since_{};
 };
@@ -160,6 +171,29 @@ TEST_F(NxtLaserTest, SweepPassesItsStartAtSpeedWithThePlayTakenUp) {
     EXPECT_TRUE(laser_->Read().value().moving);
     ASSERT_EQ(laser_->Stop(), OkStatus());
     EXPECT_FALSE(laser_->Read().value().moving);
+  }
+}
+
+// Else a sweep that follows another begins elsewhere than the same sweep after a restart.
+TEST_F(NxtLaserTest, SweepBeginsAtTheSamePlaceWhereverTheMotorCameFrom) {
+  brick_.runs_on_s = 0.5;
+  brick_.overshoot_s = 0.015;
+  ASSERT_EQ(laser_->Open(), OkStatus());
+  ASSERT_EQ(laser_->MarkZero(), OkStatus());
+  for (const double from_deg : {-2.0, 1.5}) {  // seen from zero, on both sides of it
+    const double from = RadFromDeg(from_deg), rate = RadFromDeg(0.58);
+    ASSERT_EQ(laser_->Prepare(from, rate), OkStatus());
+    const double first_deg = brick_.position_deg();
+    ASSERT_TRUE(laser_->StartSweep(rate).ok());
+    clock_.SleepFor(FromSeconds(3.3337));
+    ASSERT_EQ(laser_->Stop(), OkStatus());
+    ASSERT_TRUE(brick_.running()) << "it still runs out";
+    ASSERT_EQ(laser_->Prepare(from, rate), OkStatus());
+    EXPECT_NEAR(brick_.position_deg(), first_deg, 1) << "it stopped at no whole degree";
+    EXPECT_FALSE(brick_.running());
+    ASSERT_EQ(laser_->Prepare(RadFromDeg(-4), rate), OkStatus());
+    ASSERT_EQ(laser_->Prepare(from, rate), OkStatus());
+    EXPECT_NEAR(brick_.position_deg(), first_deg, 1);
   }
 }
 

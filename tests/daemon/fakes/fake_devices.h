@@ -319,7 +319,7 @@ class FakeCamera final : public Camera {
   uint64_t frames_ = 0;
 };
 
-// An emitter that goes where it is told, at any speed.
+// An emitter that goes where it is told, at any speed; to its start within prepare_s.
 class FakeLaser final : public LineLaser {
  public:
   FakeLaser(RigClock& clock, const StopFlag& stop, OperationLog& log, const Laser& laser)
@@ -330,7 +330,7 @@ class FakeLaser final : public LineLaser {
   Status Prepare(double tilt_rad, double rate_rad_s) override {
     MESORIG_RETURN_IF_ERROR(log_.Add(fmt::format("laser prepare {:.2f}", DegFromRad(tilt_rad))));
     from_rad_ = tilt_rad - 0.1 * rate_rad_s;
-    return Sleep(0.5);
+    return Sleep(prepare_s);
   }
   StatusOr<double> StartSweep(double rate_rad_s) override {
     MESORIG_RETURN_IF_ERROR(log_.Add("laser sweep"));
@@ -353,6 +353,8 @@ class FakeLaser final : public LineLaser {
   }
   Status KeepAlive() override { return OkStatus(); }
   bool moving() const { return rate_rad_s_ != 0; }
+
+  double prepare_s = 0.5;
 
  private:
   Status Sleep(double seconds) {
