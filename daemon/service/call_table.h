@@ -1,0 +1,28 @@
+#pragma once
+// What each call of the daemon takes: the one table that the access check, the lease, the audit log,
+// the tests and docs/access.md are made from. A call that is not in it is refused.
+
+#include <span>
+#include <string_view>
+
+#include "daemon/service/caller.h"
+
+namespace mesorig::daemon {
+
+enum class Lease {
+  kNone,  // whatever the lease: reading, and everything that makes the rig safer
+  kHeld,  // the caller's request carries the token of the lease that is in force
+};
+
+struct CallRule {
+  std::string_view method;  // "Control/Run", without the package
+  Role least;               // who may
+  Lease lease;
+  bool audited;             // what changes something, or lets somebody in
+};
+
+std::span<const CallRule> CallTable();
+// Null: no such call. `path` as gRPC tells it: "/mesorig.v1.Control/Run".
+const CallRule* FindRule(std::string_view path);
+
+}  // namespace mesorig::daemon
