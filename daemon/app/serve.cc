@@ -51,7 +51,7 @@ bool Runs(const Sequencer& sequencer) { return InSession(sequencer.GetStatus().s
 void EndAnyhow() {
   std::thread([] {
     std::this_thread::sleep_for(kLastResort);
-    spdlog::critical("the shutdown hangs: ending without it");
+    Log("program").critical("the shutdown hangs: ending without it");
     ::_exit(1);
   }).detach();
 }
@@ -59,13 +59,13 @@ void EndAnyhow() {
 void StopPlan(Sequencer& sequencer, std::string_view reason) {
   if (!Runs(sequencer)) return;
   if (const Status status = sequencer.Stop(reason); !status.ok()) {
-    spdlog::error("{}", Message(status));
+    Log("program").error("{}", Message(status));
   }
   const auto deadline = HostClock::now() + kPlanEnds;
   while (Runs(sequencer) && HostClock::now() < deadline) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
-  if (Runs(sequencer)) spdlog::error("the plan did not end within {} s", kPlanEnds.count());
+  if (Runs(sequencer)) Log("program").error("the plan did not end within {} s", kPlanEnds.count());
 }
 
 // Until a signal comes. Returns the fault, if one came before.
@@ -73,13 +73,13 @@ Status Supervise(const Signals& signals, const SimulatedRig& rig, DaemonService&
   Status fault;
   for (;;) {
     if (const int signal = signals.Wait(kLook); signal != 0) {
-      spdlog::info("{}: ending", signal == SIGTERM ? "SIGTERM" : "SIGINT");
+      Log("program").info("{}: ending", signal == SIGTERM ? "SIGTERM" : "SIGINT");
       return fault;
     }
     if (!fault.ok()) continue;
     fault = rig.health();
     if (fault.ok()) continue;
-    spdlog::critical("{}", Message(fault));
+    Log("program").critical("{}", Message(fault));
     service.ReportFault(Message(fault));
   }
 }
@@ -96,7 +96,7 @@ Status Serve(const ServeOptions& options) {
                            SimulatedRig::Connect(options.runtime_dir, rig_description));
   const auto service = DaemonService::Create(rig_description, rig->sequencer(), options.state_dir);
   MESORIG_ASSIGN_OR_RETURN(const auto server, wire::StartServer(endpoint, service->services()));
-  spdlog::info("rig {} ({}), sessions in {}, at {}", rig_description.name, options.rig,
+  Log("program").info("rig {} ({}), sessions in {}, at {}", rig_description.name, options.rig,
                options.state_dir, endpoint.socket_path().string());
 
   const Status fault = Supervise(signals, *rig, *service);

@@ -51,7 +51,7 @@ void CanBus::Run() {
     if (now >= heartbeat_due) {
       const Status status = SendHeartbeat();
       if (!status.ok() && !heartbeat_failed_) {
-        spdlog::error("CAN: heartbeat cannot be sent: {}", Message(status));
+        Log("bus").error("CAN: heartbeat cannot be sent: {}", Message(status));
       }
       heartbeat_failed_ = !status.ok();
       heartbeat_due = std::max(heartbeat_due + options_.heartbeat, now);

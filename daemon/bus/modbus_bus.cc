@@ -226,7 +226,7 @@ void ModbusBus::KeepAlive() {
                                                                    : Failed("keep-alive read");
   });
   if (!status.ok() && !keep_alive_failed_) {
-    spdlog::warn("Modbus {}: {}", endpoint_, Message(status));
+    Log("bus").warn("Modbus {}: {}", endpoint_, Message(status));
   }
   keep_alive_failed_ = !status.ok();
 }

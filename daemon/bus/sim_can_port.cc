@@ -24,7 +24,7 @@ void SimCanPort::OnFrame(std::function<void(RigTime, const CanFrame&)> handler) 
   link_.Subscribe(device_, [handler = std::move(handler)](RigTime time, std::string payload) {
     const auto frame = sim_wire::UnpackCanFrame(payload);
     if (!frame.ok()) {
-      spdlog::warn("CAN: {}", Message(frame.status()));
+      Log("bus").warn("CAN: {}", Message(frame.status()));
       return;
     }
     handler(time, CanFrame{frame->id, frame->size, frame->data});

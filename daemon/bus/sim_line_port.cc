@@ -32,7 +32,7 @@ void SimLinePort::OnEdge(std::function<void(int line, bool level, RigTime when)>
   link_.Subscribe(device_, [handler = std::move(handler)](RigTime time, std::string payload) {
     const auto edge = sim_wire::UnpackLineEdge(payload);
     if (!edge.ok()) {
-      spdlog::warn("lines: {}", Message(edge.status()));
+      Log("bus").warn("lines: {}", Message(edge.status()));
       return;
     }
     handler(edge->line, edge->level == 1, time);

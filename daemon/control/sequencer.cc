@@ -96,7 +96,7 @@ SequencerImpl::SequencerImpl(RigClock& clock, const Rig& rig, Devices devices,
 
 SequencerImpl::~SequencerImpl() {
   if (const Status status = Stop("the daemon ends"); !status.ok()) {
-    spdlog::error("{}", Message(status));
+    Log("control").error("{}", Message(status));
   }
   clock_.Change([&] { closing_ = true; });
 }
@@ -209,7 +209,7 @@ void SequencerImpl::RefreshIdleReadings() {
   const auto levels = devices_.lamps->ReadLevels();
   if (levels.ok()) board_.SetLevels(*levels, clock_.Now());
   if (!chain.ok() || !levels.ok()) {
-    spdlog::debug("idle: {} {}", Message(chain), Message(levels.status()));
+    Log("control").debug("idle: {} {}", Message(chain), Message(levels.status()));
   }
 }
 
@@ -258,7 +258,7 @@ void SequencerImpl::RunJob(const SessionJob& job) {
     status_.rig_s = times.virtual_s;
     session_.reset();
   });
-  if (!run.ok()) spdlog::warn("session {}: incomplete: {}", job.session->id(), text);
+  if (!run.ok()) Log("control").warn("session {}: incomplete: {}", job.session->id(), text);
   machine_.Rest(state, text);
   Emit(Kind::kState, text);
   Emit(Kind::kEnded, run.ok() ? "" : text, [&](SequencerEvent& event) {
@@ -309,10 +309,10 @@ RunContext SequencerImpl::MakeContext(const SessionJob& job, RigClock::Activity&
           session,
           [this, &job](const RunProgress& progress) { OnProgress(job, progress); },
           [this, &session](const std::string& note) {
-            spdlog::warn("{}", note);
+            Log("control").warn("{}", note);
             const Status status =
                 session.Record({JournalKind::kNote, clock_.Now().count(), -1, 0, note});
-            if (!status.ok()) spdlog::error("journal: {}", Message(status));
+            if (!status.ok()) Log("control").error("journal: {}", Message(status));
             Emit(Kind::kNote, note);
           },
           [this, &session, &times] {
@@ -324,7 +324,7 @@ RunContext SequencerImpl::MakeContext(const SessionJob& job, RigClock::Activity&
           },
           [this] { Emit(Kind::kState, machine_.message()); },
           [this](int camera, const std::string& text) {
-            spdlog::warn("{}", text);
+            Log("control").warn("{}", text);
             clock_.Change([&] { ++status_.alarms; });
             Emit(Kind::kAlarm, text,
                  [&](SequencerEvent& event) { event.camera = rig_.cameras[camera].name; });
@@ -356,10 +356,10 @@ bool SequencerImpl::OnWait(bool waiting) {
 void SequencerImpl::EndIncomplete(const SessionJob& job, const Status& why, const Times& times) {
   // What came before the end is kept, whatever the end was.
   const Status flushed = job.session->Flush();
-  if (!flushed.ok()) spdlog::error("session {}: {}", job.session->id(), Message(flushed));
+  if (!flushed.ok()) Log("control").error("session {}: {}", job.session->id(), Message(flushed));
   const Status finished =
       job.session->Finish(false, Message(why), times.virtual_s, times.wall_s, deterministic_());
-  if (!finished.ok()) spdlog::error("session {}: {}", job.session->id(), Message(finished));
+  if (!finished.ok()) Log("control").error("session {}: {}", job.session->id(), Message(finished));
 }
 
 }  // namespace

@@ -40,12 +40,12 @@ void LaserGate::Loop() {
       due = !open_ ? kNever : pet ? now + FromSeconds(kPetPeriod_s) : due;
     });
     if (ending) return;
-    if (hung) spdlog::error("laser gate: no progress for {} s: no more edges", kProgressLimit_s);
+    if (hung) Log("safety").error("laser gate: no progress for {} s: no more edges", kProgressLimit_s);
     if (!pet) continue;
     Status status = lines_->Write(numbers_.laser_trigger, true);
     if (status.ok()) status = lines_->Write(numbers_.laser_trigger, false);
     if (status.ok()) continue;
-    spdlog::error("laser gate: {}", Message(status));
+    Log("safety").error("laser gate: {}", Message(status));
     Shut();
   }
 }

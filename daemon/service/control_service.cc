@@ -146,7 +146,7 @@ Status ControlService::Resume(const v1::ResumeSessionRequest& request, v1::RunRe
   }
   if (!begun.ok()) {
     const Status ended = session->Finish(false, Message(begun), 0, 0, true);
-    if (!ended.ok()) spdlog::error("session {}: {}", session->id(), Message(ended));
+    if (!ended.ok()) Log("service").error("session {}: {}", session->id(), Message(ended));
   }
   return begun;
 }
@@ -224,7 +224,7 @@ grpc::Status ControlService::Stop(grpc::ServerContext*, const v1::StopRequest* r
   ++stops_;
   const std::string reason =
       request->reason().empty() ? "stopped by a client" : "stopped: " + request->reason();
-  spdlog::info("{}", reason);
+  Log("service").info("{}", reason);
   return wire::ToGrpc(sequencer_.Stop(reason));
 }
 
@@ -255,7 +255,7 @@ grpc::Status ControlService::Abort(grpc::ServerContext*, const v1::AbortRequest*
                                    v1::AbortReply*) {
   const std::string reason =
       request->reason().empty() ? "aborted by a client" : "aborted: " + request->reason();
-  spdlog::info("{}", reason);
+  Log("service").info("{}", reason);
   return wire::ToGrpc(sequencer_.Command(SequencerCommand::kAbort, reason));
 }
 

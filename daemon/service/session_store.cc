@@ -7,9 +7,9 @@ namespace mesorig::daemon {
 SessionStore::SessionStore(std::filesystem::path root) : root_(std::move(root)) {
   const auto removed = RemoveUnfinished(root_);
   if (!removed.ok()) {
-    spdlog::warn("{}", Message(removed.status()));
+    Log("session").warn("{}", Message(removed.status()));
   } else if (*removed > 0) {
-    spdlog::info("{}: {} unfinished sessions were removed", root_.string(), *removed);
+    Log("session").info("{}: {} unfinished sessions were removed", root_.string(), *removed);
   }
 }
 
@@ -34,12 +34,12 @@ StatusOr<std::shared_ptr<Session>> SessionStore::Resume(const std::string& id, c
 
 void SessionStore::Discard(const std::shared_ptr<Session>& session, std::string_view reason) {
   const Status ended = session->Finish(false, reason, 0, 0, true);
-  if (!ended.ok()) spdlog::error("session {}: {}", session->id(), Message(ended));
+  if (!ended.ok()) Log("session").error("session {}: {}", session->id(), Message(ended));
   MutexLock lock(mutex_);
   if (current_ == session) current_.reset();
   std::error_code error;
   std::filesystem::remove_all(root_ / session->id(), error);
-  if (error) spdlog::error("session {}: removing it: {}", session->id(), error.message());
+  if (error) Log("session").error("session {}: removing it: {}", session->id(), error.message());
 }
 
 StatusOr<std::shared_ptr<Session>> SessionStore::Find(const std::string& id) {

@@ -44,7 +44,7 @@ Status Serve(const service::ServerOptions& options) {
     while (::read(g_signal_pipe[0], &byte, 1) < 0 && errno == EINTR) continue;
     server->Stop();
   });
-  spdlog::info("products go to {}", options.products_dir.string());
+  Log("processing").info("products go to {}", options.products_dir.string());
   const Status status = server->Run();
   OnSignal(SIGTERM);  // wakes the stopper where no signal did
   stopper.join();

@@ -47,7 +47,7 @@ class Server final : public ProcessingServer {
       const Status status = Follow();
       if (stop_.stopped()) break;
       if (absl::IsFailedPrecondition(status)) return status;
-      if (!away) spdlog::warn("lost mesorigd ({}), waiting for it", Message(status));
+      if (!away) Log("processing").warn("lost mesorigd ({}), waiting for it", Message(status));
       away = !status.ok();
       if (!stop_.SleepFor(kRetry)) break;
     }

@@ -125,7 +125,7 @@ void SessionJob::Run() {
 void SessionJob::Fail(const Status& status) {
   std::error_code ignored;  // only if nothing is in it
   std::filesystem::remove(options_.products_dir / session_id_, ignored);
-  spdlog::error("session {}: {}", session_id_, Message(status));
+  Log("processing").error("session {}: {}", session_id_, Message(status));
   MutexLock lock(mutex_);
   failed_ = true;
   state_.set_error(std::string(Message(status)));
@@ -149,7 +149,7 @@ Status SessionJob::Process() {
     MutexLock lock(mutex_);
     state_.set_frames_expected(plan.frames);
   }
-  spdlog::info("session {}: {} frames of {} cameras", session_id_, plan.frames, cameras.size());
+  Log("processing").info("session {}: {} frames of {} cameras", session_id_, plan.frames, cameras.size());
   MESORIG_ASSIGN_OR_RETURN(session_products_, SessionProducts::Create(rig_, plan, folder));
   ReleaseSweeps();  // of an earlier run
   MESORIG_RETURN_IF_ERROR(ReadAllCameras(cameras));
@@ -215,13 +215,13 @@ void SessionJob::ReleaseSweeps() {
       status = stub.status();
     }
     if (status.ok()) {
-      spdlog::info("session {}: sweep {} released, {} bytes freed", session_id_, sweep,
+      Log("processing").info("session {}: sweep {} released, {} bytes freed", session_id_, sweep,
                    reply.bytes_freed());
     } else if (WentAway(status)) {
       MutexLock lock(mutex_);
       to_release_.push_back(sweep);
     } else {
-      spdlog::warn("session {}: sweep {} is not released: {}", session_id_, sweep,
+      Log("processing").warn("session {}: sweep {} is not released: {}", session_id_, sweep,
                    Message(status));
     }
   }
@@ -234,7 +234,7 @@ Status SessionJob::ReadCamera(int camera) {
   for (;;) {
     const Status status = ReadStream(camera, cursor, last_sign, again);
     if (status.ok() && !again && session_products_->NeedsAgain(camera)) {
-      spdlog::info("session {}: camera {}: a dark frame came after frames that need it: once more",
+      Log("processing").info("session {}: camera {}: a dark frame came after frames that need it: once more",
                    session_id_, rig_.cameras[static_cast<size_t>(camera)].name);
       again = true;
       cursor = 0;
@@ -326,7 +326,7 @@ Status SessionJob::Pack() {
   if (first_frame_) state_.set_wall_s(SecondsSince(*first_frame_));
   for (const v1::Product& product : products) *state_.add_products() = product;
   state_.set_done(true);
-  spdlog::info("session {}: packed, {:.2f} s of work", session_id_, busy_s_);
+  Log("processing").info("session {}: packed, {:.2f} s of work", session_id_, busy_s_);
   return OkStatus();
 }
 

@@ -102,21 +102,21 @@ StatusOr<v1::Product> SessionProducts::PackBtf(const std::string& session_id) {
                            assembler_->Pack(path, session_id));
   const assemble::Tally tally = assembler_->tally();
   if (tally.refused > 0) {
-    spdlog::warn("session {}: {} frames refused, first: {}", session_id, tally.refused,
+    Log("processing").warn("session {}: {} frames refused, first: {}", session_id, tally.refused,
                  tally.first_refusal);
   }
   if (figures.clipped_texels > 0) {
-    spdlog::warn("session {}: {} texels are lower bounds (saturated pixels)", session_id,
+    Log("processing").warn("session {}: {} texels are lower bounds (saturated pixels)", session_id,
                  figures.clipped_texels);
   }
   if (tally.ambient + tally.dark > 0) {
-    spdlog::info("session {}: black levels from {} frames of ambient light and {} dark ones",
+    Log("processing").info("session {}: black levels from {} frames of ambient light and {} dark ones",
                  session_id, tally.ambient, tally.dark);
   }
   if (tally.flat > 0) {
-    spdlog::info("session {}: {} flat frames are stored, not used yet", session_id, tally.flat);
+    Log("processing").info("session {}: {} flat frames are stored, not used yet", session_id, tally.flat);
   }
-  spdlog::info("session {}: {} ({} views, {} lights, {} pairs, {} frames merged)", session_id,
+  Log("processing").info("session {}: {} ({} views, {} lights, {} pairs, {} frames merged)", session_id,
                path.string(), figures.views, figures.lights, figures.pairs, figures.merged_frames);
   return ProductOf("btf", path, figures.bytes);
 }
@@ -127,10 +127,10 @@ StatusOr<v1::Product> SessionProducts::PackMdf(const std::string& session_id) {
                            mdf_builder_->Pack(path, session_id));
   const mesostructure::SweepTally tally = mdf_builder_->tally();
   if (tally.images_empty > 0) {
-    spdlog::warn("session {}: {} of {} displacement images are empty, first: {}", session_id,
+    Log("processing").warn("session {}: {} of {} displacement images are empty, first: {}", session_id,
                  tally.images_empty, tally.images, tally.first_empty);
   }
-  spdlog::info(
+  Log("processing").info(
       "session {}: {} ({} views, {} displacement images, {:.1f} % measured; {} of {} "
       "frames without a plane)",
       session_id, path.string(), figures.views, figures.images, 100 * figures.coverage,
@@ -149,7 +149,7 @@ StatusOr<std::vector<v1::Product>> SessionProducts::Pack(const std::string& sess
     products.push_back(std::move(mdf));
   }
   if (products.empty()) {
-    spdlog::info("session {}: only calibration frames: there is nothing to pack", session_id);
+    Log("processing").info("session {}: only calibration frames: there is nothing to pack", session_id);
   }
   return products;
 }

@@ -245,7 +245,7 @@ void SimLink::HostLoop() {
         const double seconds = std::chrono::duration<double>(runner.running).count();
         holders += fmt::format("{}{} for {:.1f} s", holders.empty() ? "" : ", ", runner.name, seconds);
       }
-      if (!holders.empty()) spdlog::warn("virtual time is held by {}", holders);
+      if (!holders.empty()) Log("link").warn("virtual time is held by {}", holders);
       std::string bytes;
       AppendMessage({MessageType::kAlive, 0, 0, {}, holders}, bytes);
       Send(bytes);
@@ -278,7 +278,7 @@ void SimLink::Break(const Status& why) {
   broken_ = why;
   broken_at_ = HostClock::now();
   advancing_ = false;
-  if (!closing_) spdlog::error("{}", Message(why));
+  if (!closing_) Log("link").error("{}", Message(why));
   query_done_.notify_all();
   for (Entry* entry : WaitingLocked()) entry->wake.notify_all();
 }

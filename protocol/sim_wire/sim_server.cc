@@ -117,7 +117,7 @@ void SimServer::Drop(Client& client, std::string_view why) {
   if (client.gone) return;
   client.gone = true;
   if (client.greeted && client.role == Role::kRig) {
-    spdlog::info("the rig's daemon is gone ({}); time runs on by itself", why);
+    Log("link").info("the rig's daemon is gone ({}); time runs on by itself", why);
   }
 }
 
@@ -273,7 +273,7 @@ bool SimServer::RunNextInstant(RigTime limit) {
   }
   while (script_done_ < script.size() && script[script_done_].at <= now_) {
     const Status status = Inject(script[script_done_++].text);
-    if (!status.ok()) spdlog::warn("script of faults: {}", Message(status));
+    if (!status.ok()) Log("link").warn("script of faults: {}", Message(status));
   }
   return true;
 }
@@ -322,7 +322,7 @@ void SimServer::RunOn() {
     run_on_now_ = now_;
     if (silent) {
       deterministic_ = false;
-      spdlog::warn("no sign of life for {} ms (last word: {}); time runs on by itself",
+      Log("link").warn("no sign of life for {} ms (last word: {}); time runs on by itself",
                    options_.silence_limit.count(), rig->holder.empty() ? "none" : rig->holder);
     }
   }

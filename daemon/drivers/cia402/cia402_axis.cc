@@ -125,7 +125,7 @@ Status Cia402Axis::NoticeRestart() {
   if (!Read().referenced) return OkStatus();
   MESORIG_ASSIGN_OR_RETURN(const uint32_t consumer, sdo_.Read(kConsumerHeartbeat));
   if (consumer == ConsumerHeartbeat()) return OkStatus();
-  spdlog::warn("{}: its settings are gone: it restarted and has lost its reference", device_);
+  Log("drivers").warn("{}: its settings are gone: it restarted and has lost its reference", device_);
   clock_.Change([&] { referenced_ = false; });
   return OkStatus();
 }

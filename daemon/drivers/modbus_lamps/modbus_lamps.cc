@@ -21,7 +21,7 @@ ModbusLamps::ModbusLamps(ModbusBus& bus, const Rig& rig) : bus_(bus) {
 }
 
 ModbusLamps::~ModbusLamps() {
-  if (const Status status = AllOff(); !status.ok()) spdlog::error("{}", Message(status));
+  if (const Status status = AllOff(); !status.ok()) Log("drivers").error("{}", Message(status));
 }
 
 Status ModbusLamps::Open() { return ReadLevels().status(); }

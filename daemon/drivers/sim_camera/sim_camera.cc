@@ -199,7 +199,7 @@ Status SimCamera::WhyNoFrame(uint32_t trigger_id, RigTime deadline, const FrameF
 
 void SimCamera::Drop(uint64_t FrameFaults::*count, std::string_view what) {
   ++(faults_.*count);
-  spdlog::warn("camera {}: dropped {}", camera_.name, what);
+  Log("drivers").warn("camera {}: dropped {}", camera_.name, what);
 }
 
 uint64_t FrameFaults::*SimCamera::Judge(const sim_wire::CameraFrame& frame,
