@@ -71,9 +71,9 @@ void ChainVerifier::AddLine(std::string_view line) {
   const std::string_view trailer = line.substr(line.size() - kTrailer);
   const std::string_view previous = trailer.substr(kPrevious.size(), kHex);
   const std::string_view hash = trailer.substr(kTrailer - kEnd.size() - kHex, kHex);
-  const bool laid_out =
-      trailer.starts_with(kPrevious) && trailer.ends_with(kEnd) &&
-      trailer.substr(kPrevious.size() + kHex, kHash.size()) == kHash && IsHash(hash);
+  const bool laid_out = trailer.starts_with(kPrevious) && trailer.ends_with(kEnd) &&
+                        trailer.substr(kPrevious.size() + kHex, kHash.size()) == kHash &&
+                        IsHash(hash);
   if (!laid_out) return Bad("does not end as an entry does");
   if (previous != report_.head.hash) return Bad("does not follow the one before it");
   if (Sha256(line.substr(0, line.size() - kHashPart)) != hash) return Bad("is not what was hashed");

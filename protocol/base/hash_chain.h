@@ -35,11 +35,11 @@ std::string AnchorText(const ChainHead& head);
 std::vector<ChainHead> FindAnchors(std::string_view text);
 
 struct ChainReport {
-  ChainHead head;          // of the last entry that is good; all before it are
-  uint64_t bytes = 0;      // of the good ones
-  uint64_t bad_entry = 0;  // the first that is not, by the number that it should have; 0: none
-  std::string wrong;       // what is wrong with it
-  uint64_t torn_bytes = 0; // at the end: the beginning of an entry, as a kill leaves it
+  ChainHead head;           // of the last entry that is good; all before it are
+  uint64_t bytes = 0;       // of the good ones
+  uint64_t bad_entry = 0;   // the first that is not, by the number that it should have; 0: none
+  std::string wrong;        // what is wrong with it
+  uint64_t torn_bytes = 0;  // at the end: the beginning of an entry, as a kill leaves it
   std::vector<ChainHead> lacking;  // anchors that no entry has
   bool ok() const { return bad_entry == 0 && lacking.empty(); }
 };

@@ -27,7 +27,8 @@ Chain MakeChain(int entries) {
   Chain chain;
   ChainHead head;
   for (int i = 1; i <= entries; ++i) {
-    chain.lines.push_back(AppendToChain(head, fmt::format("\"who\":\"user {}\",\"n\":{}", i % 3, i)));
+    chain.lines.push_back(
+        AppendToChain(head, fmt::format("\"who\":\"user {}\",\"n\":{}", i % 3, i)));
     chain.heads.push_back(head);
   }
   return chain;
