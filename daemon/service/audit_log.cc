@@ -81,7 +81,7 @@ StatusOr<std::unique_ptr<AuditLog>> AuditLog::Open(const std::filesystem::path& 
   std::string found = fmt::format("{} entries", report.head.sequence);
   if (report.bad_entry != 0) {
     MESORIG_ASSIGN_OR_RETURN(found, PutAside(path, report, options.utc()));
-    spdlog::critical("audit: {}", found);
+    Log("audit").critical("{}", found);
     report = {};
   } else if (report.torn_bytes > 0) {
     found += fmt::format("; the beginning of one, {} bytes, was dropped", report.torn_bytes);
@@ -232,12 +232,12 @@ bool AuditLog::WriteBatch(std::deque<std::string>& batch) {
   for (const std::string& fields : batch) lines += AppendToChain(head, fields);
   Status status = Write(lines, at);
   if (!status.ok() && ::ftruncate(file_, static_cast<off_t>(at)) != 0) {
-    spdlog::error("{}: cutting off half an entry: {}", path_.string(), std::strerror(errno));
+    Log("audit").error("{}: cutting off half an entry: {}", path_.string(), std::strerror(errno));
   }
   const bool ok = status.ok();
   {
     const MutexLock lock(mutex_);
-    if (health_.ok() && !ok) spdlog::error("audit: {}", Message(status));
+    if (health_.ok() && !ok) Log("audit").error("{}", Message(status));
     health_ = std::move(status);
     if (ok) {
       head_ = head;
@@ -257,7 +257,7 @@ void AuditLog::TellAnchor(const ChainHead& head) {
   if (anchored_ == head.sequence) return;
   anchored_ = head.sequence;
   const std::string line = AnchorText(head);
-  spdlog::info("{}", line);
+  Log("audit").info("{}", line);
   if (options_.anchor) {
     options_.anchor(line);
   } else {
