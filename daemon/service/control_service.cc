@@ -135,15 +135,11 @@ Status ControlService::Resume(const v1::ResumeSessionRequest& request, v1::RunRe
                               job.plan.sample_name, request.sample_name());
   }
   MESORIG_RETURN_IF_ERROR(sequencer_.CheckBegin(SequencerCommand::kResume, job.plan));
-  MESORIG_ASSIGN_OR_RETURN(job.session, sessions_.Resume(request.session_id(), rig_));
+  MESORIG_ASSIGN_OR_RETURN(job.session,
+                           sessions_.Resume(request.session_id(), rig_, std::move(again)));
   const std::shared_ptr<Session> session = job.session;
-  Status begun;
-  for (const SelectedShot& selected : again) {
-    if (begun.ok()) begun = session->Forget(selected.shot, selected.cameras);
-  }
-  if (begun.ok()) {
-    begun = BeginSession(SequencerCommand::kResume, std::move(job), reply, stops_before);
-  }
+  const Status begun =
+      BeginSession(SequencerCommand::kResume, std::move(job), reply, stops_before);
   if (!begun.ok()) {
     const Status ended = session->Finish(false, Message(begun), 0, 0, true);
     if (!ended.ok()) Log("service").error("session {}: {}", session->id(), Message(ended));

@@ -128,6 +128,7 @@ grpc::Status FramesService::GetSession(grpc::ServerContext*, const v1::SessionRe
   reply->set_ended(!sessions_.IsLive(**session));
   reply->set_complete(summary.end == SessionEnd::kComplete);
   reply->set_deterministic(summary.deterministic);
+  reply->set_starts(summary.starts);
   return grpc::Status::OK;
 }
 

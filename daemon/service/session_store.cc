@@ -26,8 +26,12 @@ StatusOr<std::shared_ptr<Session>> SessionStore::Create(const CompiledPlan& plan
   return session;
 }
 
-StatusOr<std::shared_ptr<Session>> SessionStore::Resume(const std::string& id, const Rig& rig) {
-  MESORIG_ASSIGN_OR_RETURN(std::shared_ptr<Session> session, Session::Resume(root_, id, rig));
+StatusOr<std::shared_ptr<Session>> SessionStore::Resume(const std::string& id, const Rig& rig,
+                                                        ShotSelection again) {
+  SessionOptions options;
+  options.again = std::move(again);
+  MESORIG_ASSIGN_OR_RETURN(std::shared_ptr<Session> session,
+                           Session::Resume(root_, id, rig, std::move(options)));
   SetCurrent(session);
   return session;
 }

@@ -22,8 +22,10 @@ class SessionStore {
   // A new session; it becomes the one that is written.
   StatusOr<std::shared_ptr<Session>> Create(const CompiledPlan& plan, const Rig& rig);
   // One that was killed or ended incomplete becomes the one that is written; whoever subscribes to
-  // it, or does so already, gets its further frames. Errors of Session::Resume.
-  StatusOr<std::shared_ptr<Session>> Resume(const std::string& id, const Rig& rig);
+  // it, or does so already, gets its further frames. `again`: as SessionOptions. Errors of
+  // Session::Resume.
+  StatusOr<std::shared_ptr<Session>> Resume(const std::string& id, const Rig& rig,
+                                            ShotSelection again = {});
   // Ends a session that never began and removes it: nothing of it is left behind.
   void Discard(const std::shared_ptr<Session>& session, std::string_view reason);
   // NotFound for an unknown id; errors of Session::Open.

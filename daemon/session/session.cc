@@ -75,12 +75,15 @@ StatusOr<std::shared_ptr<Session>> Session::Resume(const std::filesystem::path& 
     return InvalidArgument("session {}: its rig has the SHA-256 {}, this one {}", id,
                            summary.rig_sha256, rig.sha256);
   }
-  if (summary.end == SessionEnd::kComplete) {
+  if (summary.end == SessionEnd::kComplete && options.again.empty()) {
     return FailedPrecondition("session {} is complete: nothing is missing", id);
   }
   MESORIG_ASSIGN_OR_RETURN(const CompiledPlan plan, UnpackPlan(session->plan_bin(), rig));
   MESORIG_RETURN_IF_ERROR(CheckPlan(plan, rig));
+  MESORIG_RETURN_IF_ERROR(session->CheckAgain(plan, options.again));
   MESORIG_RETURN_IF_ERROR(session->BeginWriting(plan, options, true));
+  if (summary.end == SessionEnd::kComplete) session->StaysComplete();
+  session->Forget(options.again);
   if (options.faults == nullptr) session->RemoveReleased();
   return session;
 }

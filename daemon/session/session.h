@@ -12,6 +12,7 @@
 #include "protocol/base/disk_faults.h"
 #include "protocol/base/status.h"
 #include "protocol/plan/plan.h"
+#include "protocol/plan/shot_selection.h"
 #include "protocol/rig/rig.h"
 
 namespace mesorig::daemon {
@@ -84,6 +85,9 @@ struct SessionSummary {
 };
 
 struct SessionOptions {
+  // Of Resume: frames that are there and are to be taken again. Missing tells them, and what comes in
+  // their place supersedes them; until then, and after a kill, the ones that are there count.
+  ShotSelection again = {};
   // Append blocks while more pixels than this are not durable.
   size_t max_queued_bytes = size_t{256} << 20;
   DiskFaults* faults = nullptr;  // of tests; borrowed, outlives the session
@@ -109,10 +113,12 @@ class Session {
   // FailedPrecondition for another version of the format. Goes on with removing what was released.
   static StatusOr<std::shared_ptr<Session>> Open(const std::filesystem::path& root,
                                                  const std::string& id);
-  // Opens one that was killed or ended incomplete, to go on writing it: what is durable stays, torn
-  // tails are cut off, its end is open again. InvalidArgument when its rig is not `rig` (digest);
-  // FailedPrecondition when it is complete, or somebody writes it; otherwise as Open. Takes time
-  // for reading the journal, none for the frames.
+  // Opens one that was killed or ended incomplete, or a complete one of which frames are to be taken
+  // again, to go on writing it: what is durable stays, torn tails are cut off, its end is open
+  // again. InvalidArgument when its rig is not `rig` (digest); FailedPrecondition when it is complete
+  // and nothing is wanted again, when such a frame's sweep was released, or somebody writes it;
+  // otherwise as Open. A refusal leaves it as it was. Takes time for reading the journal, none for
+  // the frames.
   static StatusOr<std::shared_ptr<Session>> Resume(const std::filesystem::path& root,
                                                    const std::string& id, const Rig& rig,
                                                    SessionOptions options = {});
@@ -139,12 +145,6 @@ class Session {
     (void)shot;
     return {};
   }
-  // These frames are to be taken again: Missing tells them, and what comes in their place
-  // supersedes them. Until then, and after a kill, the ones that are there count.
-  virtual Status Forget(uint32_t shot, const std::vector<int>& cameras) {
-    (void)shot, (void)cameras;
-    return Unimplemented("this session forgets nothing");
-  }
   // Journals; durable with the next group of frames, or the next Flush. InvalidArgument for a value
   // that is not finite; otherwise errors as Append.
   virtual Status Record(JournalEntry) { return OkStatus(); }
@@ -170,7 +170,8 @@ class Session {
   // end is then incomplete, with that reason. Only an end asked for as complete is reconciled.
   // Unavailable when the disk takes nothing: a complete end is then not written, the session goes
   // on, and Finish may be called again; an incomplete one ends what is in memory, and what waited
-  // is missing when it is resumed.
+  // is missing when it is resumed. One that was complete, and was resumed to take frames again, ends
+  // complete in any case: what was not taken again is still there.
   virtual Status Finish(bool complete, std::string_view reason, double virtual_s, double wall_s,
                         bool deterministic) = 0;
   // The camera's newest frame when it has given more than `after`, durable or not; waits at most

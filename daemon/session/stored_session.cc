@@ -181,17 +181,30 @@ std::vector<int> StoredSession::Missing(uint32_t shot) const {
   return live_frames_.Missing(shot);
 }
 
-Status StoredSession::Forget(uint32_t shot, const std::vector<int>& cameras) {
-  if (!writer_) return NotWriting();
-  if (shot >= plan_.shots) {
-    return InvalidArgument("session {}: shot {}, the plan has {}", id_, shot, plan_.shots);
+Status StoredSession::CheckAgain(const CompiledPlan& plan, const ShotSelection& again) const {
+  const PlannedSweeps sweeps(plan);
+  for (const SelectedShot& selected : again) {
+    if (selected.shot >= plan.shots) {
+      return InvalidArgument("session {}: shot {}, the plan has {}", id_, selected.shot, plan.shots);
+    }
+    for (const int camera : selected.cameras) {
+      if (camera < 0 || static_cast<size_t>(camera) >= rig_.cameras.size()) {
+        return InvalidArgument("session {}: camera {}, the rig has {}", id_, camera,
+                               rig_.cameras.size());
+      }
+      if (!segments_.IsReleased(sweeps.SegmentOf(camera, selected.shot))) continue;
+      return FailedPrecondition("session {}: shot {} is of a sweep that was released", id_,
+                                selected.shot);
+    }
   }
-  if (segments_.IsReleased(cameras.empty() ? 0 : sweeps_.SegmentOf(cameras.front(), shot))) {
-    return FailedPrecondition("session {}: shot {} is of a sweep that was released", id_, shot);
-  }
-  MutexLock lock(mutex_);
-  for (const int camera : cameras) live_frames_.Drop(camera, shot);
   return OkStatus();
+}
+
+void StoredSession::Forget(const ShotSelection& again) {
+  MutexLock lock(mutex_);
+  for (const SelectedShot& selected : again) {
+    for (const int camera : selected.cameras) live_frames_.Drop(camera, selected.shot);
+  }
 }
 
 Status StoredSession::Record(JournalEntry entry) {
@@ -279,6 +292,7 @@ Status StoredSession::WriteEnd(SessionSummary ended, bool must_be_written) {
 Status StoredSession::Finish(bool complete, std::string_view reason, double virtual_s,
                              double wall_s, bool deterministic) {
   if (!writer_) return NotWriting();
+  complete = complete || stays_complete_;
   Status status = writer_->Flush();
   if (complete && absl::IsUnavailable(status)) return status;
   if (status.ok() && complete) {

@@ -32,6 +32,11 @@ class StoredSession final : public Session {
   // Then: begins writing, at the end of what the ledger has. FailedPrecondition when somebody else
   // writes it.
   Status BeginWriting(const CompiledPlan& plan, const SessionOptions& options, bool resumes);
+  // As SessionOptions::again asks: whether that is possible, before anything is written, and what it
+  // does to Missing.
+  Status CheckAgain(const CompiledPlan& plan, const ShotSelection& again) const;
+  void Forget(const ShotSelection& again);
+  void StaysComplete() { stays_complete_ = true; }
   // What a kill left of released sweeps. (On a disk that cannot be written it stays.)
   void RemoveReleased() const;
 
@@ -44,7 +49,6 @@ class StoredSession final : public Session {
   }
   Status Append(FrameRecord record, std::shared_ptr<const std::string> pixels) override;
   std::vector<int> Missing(uint32_t shot) const override;
-  Status Forget(uint32_t shot, const std::vector<int>& cameras) override;
   Status Record(JournalEntry entry) override;
   std::optional<double> MeteredExposure(int meter) const override;
   StatusOr<std::optional<StoredFrame>> Reference() override;
@@ -97,6 +101,7 @@ class StoredSession final : public Session {
   DiskFaults* faults_ = nullptr;
   UniqueFd lock_;          // on the folder: one writer
   SessionSummary before_;  // the session record when this run began
+  bool stays_complete_ = false;
 
   mutable Mutex mutex_;
   CondVar changed_;

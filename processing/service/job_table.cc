@@ -14,12 +14,20 @@ void JobTable::StartLocked(const std::string& session_id) {
 }
 
 void JobTable::Start(const std::string& session_id) {
-  if (!CheckSessionId(session_id).ok() || OnDisk(session_id, nullptr)) return;
+  if (!CheckSessionId(session_id).ok()) return;
+  const std::optional<uint32_t> starts = ask_starts_(session_id);
+  const auto current = [&](uint32_t start) { return !starts || *starts == start; };
   std::shared_ptr<Job> before;  // ends outside the lock, which its thread may take
   {
     MutexLock lock(mutex_);
     const auto found = jobs_.find(session_id);
-    if (found != jobs_.end() && !found->second->failed()) return;
+    if (found != jobs_.end()) {
+      const Job& job = *found->second;
+      if (!job.finished() || (!job.failed() && current(job.start()))) return;
+    } else if (OnDisk(session_id, nullptr) &&
+               current(StartOfProducts(products_dir_ / session_id))) {
+      return;
+    }
     if (found != jobs_.end()) before = std::move(found->second);
     StartLocked(session_id);
   }

@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "protocol/base/mutex.h"
@@ -22,18 +23,24 @@ class Job {
   virtual v1::ProductsReply Snapshot() const = 0;
   virtual bool finished() const = 0;  // done, or failed
   virtual bool failed() const = 0;
+  virtual uint32_t start() const = 0;  // of the session, that it was finished with
 };
 // `on_change` is called, without a lock, whenever Snapshot() has changed for good.
 using StartJob = std::function<std::shared_ptr<Job>(const std::string& session_id,
                                                     std::function<void()> on_change)>;
+// How often a session began, its resumes included; nothing: nobody tells.
+using AskStarts = std::function<std::optional<uint32_t>(const std::string& session_id)>;
 
 // Thread-safe.
 class JobTable final : public v1::Processing::Service {
  public:
-  JobTable(std::filesystem::path products_dir, StartJob start_job)
-      : products_dir_(std::move(products_dir)), start_job_(std::move(start_job)) {}
+  JobTable(std::filesystem::path products_dir, StartJob start_job, AskStarts ask_starts)
+      : products_dir_(std::move(products_dir)),
+        start_job_(std::move(start_job)),
+        ask_starts_(std::move(ask_starts)) {}
   // Begins the session unless its product exists or it is under way. One that failed begins again:
-  // a session that ended incomplete may have been resumed.
+  // a session that ended incomplete may have been resumed. So does one whose frames were taken
+  // again since.
   void Start(const std::string& session_id);
   // Ends all jobs and lets AwaitProducts return; nothing begins after it.
   void Stop();
@@ -51,6 +58,7 @@ class JobTable final : public v1::Processing::Service {
 
   const std::filesystem::path products_dir_;
   const StartJob start_job_;
+  const AskStarts ask_starts_;
   Mutex mutex_;
   CondVar changed_;
   bool stopped_ GUARDED_BY(mutex_) = false;

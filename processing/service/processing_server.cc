@@ -7,6 +7,7 @@
 #include "protocol/base/log.h"
 #include "protocol/base/program.h"
 #include "protocol/messages/control.grpc.pb.h"
+#include "protocol/messages/frames.grpc.pb.h"
 #include "protocol/wire/channel.h"
 #include "protocol/wire/grpc_status.h"
 #include "protocol/wire/server.h"
@@ -27,7 +28,8 @@ class Server final : public ProcessingServer {
                  const JobOptions job{options_.runtime_dir, options_.products_dir,
                                       options_.patience_s};
                  return std::make_shared<SessionJob>(session_id, job, slots_, std::move(on_change));
-               }) {}
+               },
+               [this](const std::string& session_id) { return AskStarts(session_id); }) {}
   ~Server() override {
     Stop();
     if (server_ != nullptr) {
@@ -75,6 +77,18 @@ class Server final : public ProcessingServer {
                                 reply.protocol_major(), wire::kProtocolMajor);
     }
     return stub;
+  }
+
+  std::optional<uint32_t> AskStarts(const std::string& session_id) {
+    const auto channel = wire::ConnectTo(options_.runtime_dir, wire::kDaemonName, 1);
+    if (!channel.ok()) return std::nullopt;
+    Call call(stop_, kAnswer_s);
+    v1::SessionRequest request;
+    request.set_session_id(session_id);
+    v1::SessionReply reply;
+    const auto stub = v1::Frames::NewStub(*channel);
+    if (!stub->GetSession(call.context(), request, &reply).ok()) return std::nullopt;
+    return reply.starts();
   }
 
   Status AwaitDaemon() {

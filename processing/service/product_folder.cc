@@ -1,5 +1,9 @@
 #include "processing/service/product_folder.h"
 
+#include <charconv>
+
+#include "protocol/base/file_writer.h"
+
 namespace mesorig::service {
 
 Status CheckSessionId(const std::string& session_id) {
@@ -41,6 +45,27 @@ std::vector<v1::Product> ProductsOnDisk(const std::filesystem::path& folder) {
     products.clear();
   }
   return products;
+}
+
+namespace {
+std::filesystem::path StartPath(const std::filesystem::path& folder) { return folder / "start"; }
+}  // namespace
+
+uint32_t StartOfProducts(const std::filesystem::path& folder) {
+  const auto text = ReadFile(StartPath(folder), 32);
+  uint32_t start = 0;
+  if (text.ok()) (void)std::from_chars(text->data(), text->data() + text->size(), start);
+  return start;
+}
+
+Status BeginProducts(const std::filesystem::path& folder, uint32_t start) {
+  if (StartOfProducts(folder) == start) return OkStatus();
+  for (const std::filesystem::path& stale : {BtfPath(folder), MdfPath(folder)}) {
+    std::error_code error;
+    std::filesystem::remove(stale, error);
+    if (error) return Unavailable("cannot remove {}: {}", stale.string(), error.message());
+  }
+  return WriteFileAtomically(StartPath(folder), fmt::format("{}\n", start));
 }
 
 }  // namespace mesorig::service

@@ -115,6 +115,11 @@ bool SessionJob::failed() const {
   return failed_;
 }
 
+uint32_t SessionJob::start() const {
+  MutexLock lock(mutex_);
+  return start_;
+}
+
 void SessionJob::Run() {
   const Status status = Process();
   session_products_.reset();  // with its work file
@@ -144,6 +149,7 @@ Status SessionJob::Process() {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) return InvalidArgument("cannot create {}: {}", folder.string(), error.message());
+  MESORIG_RETURN_IF_ERROR(BeginProducts(folder, session.starts()));
   const std::vector<int> cameras = CamerasOf(plan);
   {
     MutexLock lock(mutex_);
@@ -153,7 +159,12 @@ Status SessionJob::Process() {
   MESORIG_ASSIGN_OR_RETURN(session_products_, SessionProducts::Create(rig_, plan, folder));
   ReleaseSweeps();  // of an earlier run
   MESORIG_RETURN_IF_ERROR(ReadAllCameras(cameras));
-  MESORIG_RETURN_IF_ERROR(CheckComplete());
+  MESORIG_ASSIGN_OR_RETURN(const uint32_t start, AwaitComplete());
+  {
+    MutexLock lock(mutex_);
+    start_ = start;
+  }
+  MESORIG_RETURN_IF_ERROR(BeginProducts(folder, start));
   ReleaseSweeps();
   return Pack();
 }
@@ -301,12 +312,12 @@ Status SessionJob::Take(int camera, const v1::Frame& frame) {
 }
 
 // A stream ends with OK when its camera has no more frames; whether the ledger balances is the
-// daemon's to say.
-Status SessionJob::CheckComplete() {
+// daemon's to say. Returns the start that it was complete with.
+StatusOr<uint32_t> SessionJob::AwaitComplete() {
   const auto start = Clock::now();
   for (;;) {
     MESORIG_ASSIGN_OR_RETURN(const v1::SessionReply session, AskSession());
-    if (session.ended() && session.complete()) return OkStatus();
+    if (session.ended() && session.complete()) return session.starts();
     if (session.ended()) return FailedPrecondition("the session ended incomplete");
     if (SecondsSince(start) > options_.patience_s) {
       return FailedPrecondition("every frame is here, but the session has not ended");

@@ -45,6 +45,7 @@ class SessionJob final : public Job {
   v1::ProductsReply Snapshot() const override;
   bool finished() const override;
   bool failed() const override;
+  uint32_t start() const override;
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -60,7 +61,7 @@ class SessionJob final : public Job {
   Status Take(int camera, const v1::Frame& frame);
   // Tells the daemon of sweeps whose raw frames may go. What it does not hear is told again.
   void ReleaseSweeps();
-  Status CheckComplete();
+  StatusOr<uint32_t> AwaitComplete();
   Status Pack();
   void Fail(const Status& status);
 
@@ -75,6 +76,7 @@ class SessionJob final : public Job {
   mutable Mutex mutex_;
   v1::ProductsReply state_ GUARDED_BY(mutex_);
   bool failed_ GUARDED_BY(mutex_) = false;
+  uint32_t start_ GUARDED_BY(mutex_) = 0;
   std::optional<Clock::time_point> first_frame_ GUARDED_BY(mutex_);
   double busy_s_ GUARDED_BY(mutex_) = 0;
   uint32_t received_ GUARDED_BY(mutex_) = 0;

@@ -53,6 +53,41 @@ TEST(LaserChain, SweepsBecomeAnMdfAndTheirFramesGo) {
   EXPECT_LT(BytesBelow(session), run["frame_bytes"].get<uintmax_t>() / 2);
 }
 
+// Frames of a complete session, taken again: they supersede, and the products are made anew of them.
+TEST(LaserChain, FramesOfACompleteSessionAreTakenAgain) {
+  RunningRig rig(true);
+  const json run = rig.RunPlan("tiny_night.toml");
+  const std::string id = run["session_id"];
+  const auto verify = [&] {
+    json report = json::parse(rig.Mesorig({"session", "verify", id, "--json"}).text);
+    report["session"].erase("age_s");
+    return report;
+  };
+  const json before = verify();
+  const fs::path btf = rig.folder() / "products" / id / "sample.btf.exr";
+  const auto made = fs::last_write_time(btf);
+  const auto digest = [&] { return RunProgram("mesorig-btf", {"digest", btf.string()}).text; };
+  const std::string pixels = digest();
+  const auto again = [&](const std::string& which) {
+    return rig.Mesorig({"resume", id, "--sample", "weave", "--reshoot", which, "--json",
+                        "--on-prompt", rig.Operator()});
+  };
+  const Outcome released = again("sweep 0");
+  EXPECT_EQ(released.code, 1) << released.text;
+  EXPECT_THAT(released.text, HasSubstr("of a sweep that was released"));
+  EXPECT_EQ(verify(), before) << "a refusal leaves it as it was";
+  const Outcome reshot = again("shots 2-3, camera cam3");
+  ASSERT_EQ(reshot.code, 0) << reshot.text << rig.Logs();
+  const json after = verify();
+  EXPECT_EQ(after["rows"].get<int>(), before["rows"].get<int>() + 2);
+  EXPECT_EQ(after["frames_live"], before["frames_live"]);
+  EXPECT_EQ(after["starts"], 2);
+  EXPECT_EQ(after["content_digest"], before["content_digest"]) << "without drift, the same pixels";
+  EXPECT_NE(fs::last_write_time(btf), made) << rig.Logs();
+  EXPECT_EQ(digest(), pixels);
+  EXPECT_EQ(rig.Mesorig({"resume", id, "--sample", "weave"}).code, 1) << "it is complete";
+}
+
 // By what really happened at the rig: never light while an axis moves, and light in every sweep.
 TEST(LaserChain, TheLaserIsOffWhileAxesMove) {
   RunningRig rig(false);

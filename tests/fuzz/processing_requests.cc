@@ -19,6 +19,7 @@ class FakeJob final : public Job {
   }
   bool finished() const override { return true; }
   bool failed() const override { return session_id_.starts_with("fails"); }
+  uint32_t start() const override { return 1; }
 
  private:
   const std::string session_id_;
@@ -33,7 +34,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   static auto* const table = new service::JobTable(
       scratch.path(), [](const std::string& session_id, std::function<void()>) {
         return std::make_shared<service::FakeJob>(session_id);
-      });
+      },
+      [](const std::string&) { return std::optional<uint32_t>(1); });
   static auto* const runner = new fuzz::RequestRunner({table});  // gRPC's threads outlive main
   runner->Run(fuzz::View(data, size));
   return 0;

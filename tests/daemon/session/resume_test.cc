@@ -184,18 +184,41 @@ TEST_F(ResumeTest, DamagedFramesAreShotAgainAndReconcile) {
 // Frames that somebody wants again are missing in this run, and the old ones count after a kill.
 TEST_F(ResumeTest, ForgottenFramesAreSuperseded) {
   Begin(2);
-  {
-    const auto session = Resume();
-    ASSERT_TRUE(session->Forget(1, {0, 4}).ok());
-    EXPECT_EQ(session->Missing(1), (std::vector<int>{0, 4}));
-    EXPECT_TRUE(absl::IsInvalidArgument(session->Forget(20, {0})));
-  }
-  const auto session = Resume();
-  EXPECT_TRUE(session->Missing(1).empty());
-  ASSERT_TRUE(session->Forget(1, {4}).ok());
+  const auto resume = [&](uint32_t shot, std::vector<int> cameras) {
+    SessionOptions options;
+    options.again = {{shot, std::move(cameras)}};
+    return Session::Resume(folder_.path(), id_, rig_, options);
+  };
+  EXPECT_TRUE(absl::IsInvalidArgument(resume(20, {0}).status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(resume(1, {8}).status()));
+  EXPECT_EQ(resume(1, {0, 4}).value()->Missing(1), (std::vector<int>{0, 4}));
+  EXPECT_TRUE(Resume()->Missing(1).empty());
+  const auto session = resume(1, {4}).value();
   ASSERT_TRUE(session->Append(FrameOf(4, 1), PixelsOf(4, 1)).ok());
   ASSERT_TRUE(session->Flush().ok());
   EXPECT_EQ((*session->Next(4, 2, 0))->record.supersedes, 2u);
+}
+
+// A run that takes frames of a complete session again, and fails, has lost nothing.
+TEST_F(ResumeTest, ACompleteSessionStaysComplete) {
+  {
+    const auto session = Create();
+    ASSERT_TRUE(AppendAll(*session, plan_).ok());
+    ASSERT_TRUE(session->Finish(true, "", 1, 1, true).ok());
+  }
+  EXPECT_TRUE(absl::IsFailedPrecondition(
+      Session::Resume(folder_.path(), id_, rig_).status()));
+  SessionOptions options;
+  options.again = {{2, {0, 1}}};
+  {
+    const auto session = Session::Resume(folder_.path(), id_, rig_, options).value();
+    EXPECT_EQ(session->Missing(2), (std::vector<int>{0, 1}));
+    ASSERT_TRUE(session->Append(FrameOf(1, 2), PixelsOf(1, 2)).ok());
+    EXPECT_TRUE(session->Finish(false, "the lamp broke", 1, 1, true).ok());
+  }
+  const SessionSummary summary = Session::Open(folder_.path(), id_).value()->Summary();
+  EXPECT_EQ(summary.end, SessionEnd::kComplete) << summary.reason;
+  EXPECT_EQ(summary.frames_durable, plan_.frames + 1);
 }
 
 TEST_F(ResumeTest, EntriesAndMeteredExposuresSurvive) {
