@@ -1,6 +1,5 @@
 #include "daemon/app/serve.h"
 
-#include <grpcpp/server.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -8,6 +7,7 @@
 #include <thread>
 
 #include "daemon/app/simulated_rig.h"
+#include "daemon/service/access.h"
 #include "daemon/service/daemon_service.h"
 #include "protocol/base/log.h"
 #include "protocol/base/runtime_dir.h"
@@ -88,6 +88,7 @@ Status Supervise(const Signals& signals, const SimulatedRig& rig, DaemonService&
 
 Status Serve(const ServeOptions& options) {
   const Signals signals;
+  wire::PrepareGrpc();
   StartLogging("mesorigd");
   MESORIG_ASSIGN_OR_RETURN(const Rig rig_description, LoadRig(options.rig));
   MESORIG_ASSIGN_OR_RETURN(PublishedEndpoint endpoint,
@@ -95,15 +96,17 @@ Status Serve(const ServeOptions& options) {
   MESORIG_ASSIGN_OR_RETURN(const auto rig,
                            SimulatedRig::Connect(options.runtime_dir, rig_description));
   const auto service = DaemonService::Create(rig_description, rig->sequencer(), options.state_dir);
-  MESORIG_ASSIGN_OR_RETURN(const auto server, wire::StartServer(endpoint, service->services()));
-  Log("program").info("rig {} ({}), sessions in {}, at {}", rig_description.name, options.rig,
-               options.state_dir, endpoint.socket_path().string());
+  MESORIG_ASSIGN_OR_RETURN(const auto access,
+                           Access::Create(options.access, endpoint, service->services()));
+  Log("program").info("rig {} ({}), sessions in {}, at {}{}", rig_description.name, options.rig,
+               options.state_dir, endpoint.socket_path().parent_path().string(),
+               access->address().empty() ? "" : " and with TLS at " + access->address());
 
   const Status fault = Supervise(signals, *rig, *service);
   EndAnyhow();
   StopPlan(rig->sequencer(), "mesorigd was told to end");
   service->BeginShutdown();
-  server->Shutdown(std::chrono::system_clock::now() + kCallsEnd);
+  access->Shutdown(std::chrono::system_clock::now() + kCallsEnd);
   return fault;
 }
 

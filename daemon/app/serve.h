@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "daemon/service/access.h"
 #include "protocol/base/status.h"
 
 namespace mesorig::daemon {
@@ -11,6 +12,7 @@ struct ServeOptions {
   std::string rig;          // rig file
   std::string state_dir;    // sessions live below it
   std::string runtime_dir;  // where programs find each other
+  AccessOptions access;     // who may call
 };
 
 // Claims the endpoint, connects the rig and serves until SIGTERM or SIGINT: then a running plan is

@@ -15,7 +15,7 @@ enum class Lease {
 };
 
 struct CallRule {
-  std::string_view method;  // "Control/Run", without the package
+  std::string_view method;  // "Control/Run", without our package; others "/package.Service/Method"
   Role least;               // who may
   Lease lease;
   bool audited;             // what changes something, or lets somebody in

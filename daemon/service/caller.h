@@ -11,8 +11,10 @@ class ServerContextBase;
 
 namespace mesorig::daemon {
 
-// Each may do what the ones before it may.
-enum class Role { kNone, kObserver, kOperator, kAdministrator };
+// Each may do what the ones before it may. Processing is mesorig-processd: it reads, and says which
+// raw frames may go.
+enum class Role { kNone, kObserver, kProcessing, kOperator, kAdministrator };
+inline constexpr int kRoles = 5;
 
 struct Caller {
   Role role = Role::kNone;
@@ -21,7 +23,8 @@ struct Caller {
   std::string via;   // the gateway that forwarded it; empty: none
 };
 
-std::string_view Name(Role role);  // "observer", ...
+std::string_view Name(Role role);         // "none", "observer", ...
+Role RoleNamed(std::string_view name);    // kNone for what names no role
 
 // Of a call that was let in; Role::kNone of any other. Any thread, during the call.
 Caller CallerOf(const grpc::ServerContextBase& context);

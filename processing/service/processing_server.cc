@@ -63,8 +63,10 @@ class Server final : public ProcessingServer {
 
  private:
   StatusOr<std::unique_ptr<v1::Control::Stub>> Connect() {
+    wire::Address daemon(options_.runtime_dir);
+    daemon.role = wire::kProcessingRole;
     MESORIG_ASSIGN_OR_RETURN(auto channel,
-                             wire::ConnectTo(options_.runtime_dir, wire::kDaemonName, 1));
+                             wire::ConnectTo(daemon, wire::kDaemonName, 1));
     auto stub = v1::Control::NewStub(channel);
     Call call(stop_, kAnswer_s);
     v1::HelloRequest request;

@@ -7,7 +7,6 @@
 
 #include "protocol/base/digest.h"
 #include "protocol/base/log.h"
-#include "protocol/base/runtime_dir.h"
 #include "protocol/messages/frames.grpc.pb.h"
 #include "protocol/wire/channel.h"
 #include "protocol/wire/grpc_status.h"
@@ -69,7 +68,8 @@ class SlotGuard {
 
 StatusOr<std::unique_ptr<v1::Frames::Stub>> ConnectFrames(const JobOptions& options) {
   MESORIG_ASSIGN_OR_RETURN(const std::string endpoint,
-                           FindEndpoint(options.runtime_dir, wire::kDaemonName));
+                           wire::LocalEndpoint(options.runtime_dir, wire::kDaemonName,
+                                               wire::kProcessingRole));
   return v1::Frames::NewStub(wire::MakeChannel(endpoint));
 }
 

@@ -1,14 +1,17 @@
 #include "protocol/wire/server.h"
 
 #include <grpcpp/grpcpp.h>
+#include <sys/stat.h>
 
 #include "protocol/wire/grpc_alive.h"
 
 namespace mesorig::wire {
 
+void PrepareGrpc() { KeepGrpcAlive(); }
+
 StatusOr<std::unique_ptr<grpc::Server>> StartServer(PublishedEndpoint& endpoint,
                                                     const std::vector<grpc::Service*>& services) {
-  KeepGrpcAlive();
+  PrepareGrpc();
   const std::string address = "unix:" + endpoint.socket_path().string();
   grpc::ServerBuilder builder;
   int bound = 0;
@@ -17,6 +20,7 @@ StatusOr<std::unique_ptr<grpc::Server>> StartServer(PublishedEndpoint& endpoint,
   for (grpc::Service* service : services) builder.RegisterService(service);
   std::unique_ptr<grpc::Server> server = builder.BuildAndStart();
   if (server == nullptr) return FailedPrecondition("cannot listen on {}", address);
+  ::chmod(endpoint.socket_path().c_str(), S_IRUSR | S_IWUSR);
   MESORIG_RETURN_IF_ERROR(endpoint.Publish(address));
   return server;
 }

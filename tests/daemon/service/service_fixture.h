@@ -1,17 +1,17 @@
 #pragma once
-// The services on a socket of their own, over a sequencer that the test drives by hand.
+// The services behind their access check on sockets of their own (the client is the administrator), over a sequencer that the test drives by hand.
 
 #include <grpcpp/grpcpp.h>
 
 #include <thread>
 
+#include "daemon/service/access.h"
 #include "daemon/service/daemon_service.h"
 #include "protocol/base/mutex.h"
 #include "protocol/base/runtime_dir.h"
 #include "protocol/messages/control.grpc.pb.h"
 #include "protocol/messages/frames.grpc.pb.h"
 #include "protocol/wire/channel.h"
-#include "protocol/wire/server.h"
 #include "tests/daemon/session/session_fixture.h"
 
 namespace mesorig::daemon {
@@ -126,9 +126,9 @@ class ServiceTest : public ::testing::Test {
     ASSERT_TRUE(endpoint.ok()) << endpoint.status();
     endpoint_ = std::make_unique<PublishedEndpoint>(*std::move(endpoint));
     service_ = DaemonService::Create(rig_, sequencer_, root());
-    auto server = wire::StartServer(*endpoint_, service_->services());
-    ASSERT_TRUE(server.ok()) << server.status();
-    server_ = *std::move(server);
+    auto access = Access::Create(access_options_, *endpoint_, service_->services());
+    ASSERT_TRUE(access.ok()) << access.status();
+    access_ = *std::move(access);
     auto channel = wire::ConnectTo(folder_.path() / "run", wire::kDaemonName);
     ASSERT_TRUE(channel.ok()) << channel.status();
     control_ = v1::Control::NewStub(*channel);
@@ -136,8 +136,8 @@ class ServiceTest : public ::testing::Test {
   }
   void TearDown() override {
     if (service_) service_->BeginShutdown();
-    if (server_) server_->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(5));
-    server_.reset();
+    if (access_) access_->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(5));
+    access_.reset();
   }
   std::filesystem::path root() const { return folder_.path() / "sessions"; }
   std::string PlanText() const {
@@ -159,7 +159,8 @@ class ServiceTest : public ::testing::Test {
   FakeSequencer sequencer_;
   std::unique_ptr<PublishedEndpoint> endpoint_;
   std::unique_ptr<DaemonService> service_;
-  std::unique_ptr<grpc::Server> server_;
+  AccessOptions access_options_;  // before SetUp
+  std::unique_ptr<Access> access_;
   std::unique_ptr<v1::Control::Stub> control_;
   std::unique_ptr<v1::Frames::Stub> frames_;
 };
