@@ -24,6 +24,8 @@ Rig PatternRig(const std::filesystem::path& source_dir, int bytes_per_pixel) {
   return *std::move(rig);
 }
 
+}  // namespace
+
 CompiledPlan PatternPlan(const Rig& rig, uint32_t shots) {
   CompiledPlan plan;
   plan.name = "pattern";
@@ -42,8 +44,6 @@ CompiledPlan PatternPlan(const Rig& rig, uint32_t shots) {
   plan.frames = shots * kCameras;
   return plan;
 }
-
-}  // namespace
 
 PatternSource::PatternSource(const std::filesystem::path& source_dir, Pixels pixels, uint32_t shots)
     : rig_(PatternRig(source_dir, pixels == Pixels::kRgb ? 3 : 1)),

@@ -19,6 +19,9 @@ inline constexpr int kCameras = 8;
 // times the width).
 enum class Pixels { kBayer, kRgb };
 
+// So many shots of all cameras.
+CompiledPlan PatternPlan(const Rig& rig, uint32_t shots);
+
 class PatternSource {
  public:
   // `folder` holds the repository's rigs/.

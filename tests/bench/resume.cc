@@ -8,35 +8,17 @@
 
 #include "daemon/session/session.h"
 #include "protocol/base/check.h"
+#include "tests/bench/pattern_source.h"
 
 namespace mesorig::daemon {
 namespace {
 
-constexpr int kCameras = 8;
+using bench::kCameras;
 
 Rig TinyRig() {
   auto rig = LoadRig(std::filesystem::path(MESORIG_SOURCE_DIR) / "rigs/demo.toml").value();
   MESORIG_CHECK(rig.cameras.size() == kCameras);
   return rig;
-}
-
-CompiledPlan Plan(const Rig& rig, uint32_t shots) {
-  CompiledPlan plan;
-  plan.name = "bench";
-  plan.sample_name = "pattern";
-  plan.rig_sha256 = rig.sha256;
-  plan.product = {4, 4, 1, 1};
-  for (uint32_t shot = 0; shot < shots; ++shot) {
-    Step step;
-    step.kind = StepKind::kShot;
-    step.shot = shot;
-    step.exposure_s = 0.02;
-    step.cameras = {0, 1, 2, 3, 4, 5, 6, 7};
-    plan.steps.push_back(std::move(step));
-  }
-  plan.shots = shots;
-  plan.frames = shots * kCameras;
-  return plan;
 }
 
 // Sessions of so many frames of 4 x 4 pixels that were killed before their last shot; kept while
@@ -55,7 +37,7 @@ class Killed {
     std::string& id = ids_[frames];
     if (!id.empty()) return id;
     const uint32_t shots = frames / kCameras;
-    const auto session = Session::Create(root_, Plan(rig_, shots + 1), rig_).value();
+    const auto session = Session::Create(root_, bench::PatternPlan(rig_, shots + 1), rig_).value();
     const auto pixels = std::make_shared<const std::string>(16, 'p');
     for (uint32_t i = 0; i < frames; ++i) {
       FrameRecord record;

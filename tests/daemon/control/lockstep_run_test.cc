@@ -7,11 +7,9 @@
 #include <condition_variable>
 #include <thread>
 
-#include "daemon/control/sequencer.h"
 #include "protocol/base/digest.h"
 #include "tests/daemon/fakes/fake_session.h"
-#include "tests/daemon/fakes/sim_rig.h"
-#include "tests/daemon/fakes/small_rig.h"
+#include "tests/daemon/fakes/sim_bench.h"
 
 namespace mesorig::daemon {
 namespace {
@@ -19,25 +17,9 @@ namespace {
 using std::chrono::milliseconds;
 using ::testing::HasSubstr;
 
-// Simulator, drivers and sequencer.
-class Bench {
+class Bench : public SimBench {
  public:
   Bench() {
-    for (size_t i = 0; i < rig.axes.size(); ++i) {
-      axes_.push_back(MakeAxis("cia402", end.context, static_cast<int>(i)).value());
-      devices_.axes.push_back(axes_.back().get());
-    }
-    for (size_t i = 0; i < rig.cameras.size(); ++i) {
-      cameras_.push_back(MakeCamera("sim_camera", end.context, static_cast<int>(i)).value());
-      devices_.cameras.push_back(cameras_.back().get());
-    }
-    lamps_ = MakeLampBank("modbus_lamps", end.context).value();
-    lines_ = MakeDigitalLines("gpio_lines", end.context).value();
-    devices_.lamps = lamps_.get();
-    devices_.lines = lines_.get();
-    devices_.stop = &end.stop;
-    sequencer =
-        Sequencer::Create(*end.link, rig, devices_, [this] { return end.link->deterministic(); });
     sequencer->OnEvent([this](const SequencerEvent& event) {
       std::lock_guard lock(mutex_);
       if (event.kind != SequencerEvent::Kind::kEnded) return;
@@ -45,6 +27,7 @@ class Bench {
       condition_.notify_all();
     });
   }
+  ~Bench() { sequencer.reset(); }
   SequencerEvent Run(const CompiledPlan& plan) {
     session->Expect(plan);
     EXPECT_EQ(sequencer->Begin(SequencerCommand::kRun, {plan, session}), OkStatus());
@@ -62,23 +45,12 @@ class Bench {
     });
   }
 
-  const Rig rig = SmallRig();
-  SimRig sim{rig};
-  RigEnd end{sim, rig};
   std::shared_ptr<FakeSession> session = std::make_shared<FakeSession>();
 
  private:
-  Devices devices_;
-  std::vector<std::unique_ptr<Axis>> axes_;
-  std::vector<std::unique_ptr<Camera>> cameras_;
-  std::unique_ptr<LampBank> lamps_;
-  std::unique_ptr<DigitalLines> lines_;
   std::mutex mutex_;
   std::condition_variable condition_;
   std::optional<SequencerEvent> ended_;
-
- public:
-  std::unique_ptr<Sequencer> sequencer;
 };
 
 std::string History(const Bench& bench) {

@@ -68,12 +68,7 @@ TEST(Pause, NowGivesTheShotUpAndTakesItAgain) {
 
 // bluesky 1647: pause and continue at once, at every operation.
 TEST(Pause, AtEveryPointAndGoesOn) {
-  int operations = 0;
-  {
-    Bench whole;
-    whole.Run(SmallPlan(whole.rig));
-    operations = static_cast<int>(whole.log.operations().size());
-  }
+  const int operations = OperationsOfSmallPlan();
   for (int at = 1; at < operations; ++at) {
     for (const Command command : {Command::kPause, Command::kPauseNow}) {
       Bench bench;

@@ -91,12 +91,7 @@ TEST(Resume, DamagedFramesAreTakenAgain) {
 
 // Stopped at every operation, then resumed: what was taken is not taken again.
 TEST(Resume, GoesOnAfterAStopAtEveryPoint) {
-  int operations = 0;
-  {
-    Bench whole;
-    whole.Run(SmallPlan(whole.rig));
-    operations = static_cast<int>(whole.log.operations().size());
-  }
+  const int operations = OperationsOfSmallPlan();
   for (int at = 1; at < operations; ++at) {
     SCOPED_TRACE(at);
     Bench bench;

@@ -82,12 +82,7 @@ TEST(Sequencer, SecondRunDoesNotHomeAgain) {
 
 // Stop at every operation that a run makes: each time the rig is at rest and the session has ended.
 TEST(Sequencer, StopsAtEveryPoint) {
-  int operations = 0;
-  {
-    Bench whole;
-    whole.Run(SmallPlan(whole.rig));
-    operations = static_cast<int>(whole.log.operations().size());
-  }
+  const int operations = OperationsOfSmallPlan();
   ASSERT_GT(operations, 40);
   for (int at = 1; at < operations; ++at) {  // 0 is the reading before any plan
     SCOPED_TRACE(at);
@@ -116,12 +111,7 @@ TEST(Sequencer, StopsAtEveryPoint) {
 
 // The same with a failure at every operation.
 TEST(Sequencer, FailsSafeAtEveryPoint) {
-  int operations = 0;
-  {
-    Bench whole;
-    whole.Run(SmallPlan(whole.rig));
-    operations = static_cast<int>(whole.log.operations().size());
-  }
+  const int operations = OperationsOfSmallPlan();
   for (int at = 1; at < operations; ++at) {
     SCOPED_TRACE(at);
     Bench bench;

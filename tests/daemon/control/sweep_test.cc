@@ -159,7 +159,7 @@ TEST(Sweep, StopsAndFailsSafeAtEveryPoint) {
   {
     LaserBench whole;
     EXPECT_TRUE(whole.RunWithOperator(SmallLaserPlan(whole.rig)).complete);
-    operations = static_cast<int>(whole.log.operations().size());
+    operations = whole.operations();
   }
   ASSERT_GT(operations, 150);
   for (int at = 1; at < operations; ++at) {

@@ -114,6 +114,9 @@ class Bench {
     EXPECT_THAT(session->Summary().reason, ::testing::HasSubstr(std::string(reason)));
   }
 
+  // What the devices were asked so far.
+  int operations() const { return static_cast<int>(log.operations().size()); }
+
   FakeRigClock clock;
   StopFlag stop{clock};
   const Rig rig;
@@ -138,5 +141,12 @@ class Bench {
   mutable std::mutex mutex_;
   std::condition_variable ended_;
 };
+
+// How many operations the small plan takes when nothing disturbs it.
+inline int OperationsOfSmallPlan() {
+  Bench whole;
+  EXPECT_TRUE(whole.Run(SmallPlan(whole.rig)).complete);
+  return whole.operations();
+}
 
 }  // namespace mesorig::daemon

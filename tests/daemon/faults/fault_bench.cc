@@ -5,11 +5,9 @@
 #include <condition_variable>
 #include <mutex>
 
-#include "daemon/control/sequencer.h"
 #include "daemon/session/session.h"
 #include "protocol/base/digest.h"
-#include "tests/daemon/fakes/sim_rig.h"
-#include "tests/daemon/fakes/small_rig.h"
+#include "tests/daemon/fakes/sim_bench.h"
 
 namespace mesorig::daemon {
 namespace {
@@ -17,31 +15,17 @@ namespace {
 // Longer than every watch of the rig's own: lamps' communication loss, drives' heartbeat.
 constexpr RigTime kRigWatches = std::chrono::seconds(4);
 
-// Simulator, drivers and sequencer.
-class FaultBench {
+class FaultBench : private SimBench {
  public:
-  explicit FaultBench(FaultScript script) : sim_(rig_, std::move(script)) {
-    for (size_t i = 0; i < rig_.axes.size(); ++i) {
-      axes_.push_back(MakeAxis("cia402", end_.context, static_cast<int>(i)).value());
-      devices_.axes.push_back(axes_.back().get());
-    }
-    for (size_t i = 0; i < rig_.cameras.size(); ++i) {
-      cameras_.push_back(MakeCamera("sim_camera", end_.context, static_cast<int>(i)).value());
-      devices_.cameras.push_back(cameras_.back().get());
-    }
-    lamps_ = MakeLampBank("modbus_lamps", end_.context).value();
-    lines_ = MakeDigitalLines("gpio_lines", end_.context).value();
-    devices_.lamps = lamps_.get();
-    devices_.lines = lines_.get();
-    devices_.stop = &end_.stop;
-    sequencer_ = Sequencer::Create(*end_.link, rig_, devices_, [] { return true; });
-    sequencer_->OnEvent([this](const SequencerEvent& event) { Hear(event); });
+  explicit FaultBench(FaultScript script) : SimBench(std::move(script)) {
+    sequencer->OnEvent([this](const SequencerEvent& event) { Hear(event); });
   }
+  ~FaultBench() { sequencer.reset(); }
   FaultOutcome Run(const std::filesystem::path& root) {
-    const CompiledPlan plan = SmallPlan(rig_);
-    auto session = Session::Create(root, plan, rig_).value();
+    const CompiledPlan plan = SmallPlan(rig);
+    auto session = Session::Create(root, plan, rig).value();
     const std::string id = session->id();
-    EXPECT_EQ(sequencer_->Begin(SequencerCommand::kRun, {plan, session}), OkStatus());
+    EXPECT_EQ(sequencer->Begin(SequencerCommand::kRun, {plan, session}), OkStatus());
     FaultOutcome outcome;
     {
       std::unique_lock lock(mutex_);
@@ -77,7 +61,7 @@ class FaultBench {
       return;
     }
     uint32_t frames = 0;
-    for (size_t camera = 0; camera < rig_.cameras.size(); ++camera) {
+    for (size_t camera = 0; camera < rig.cameras.size(); ++camera) {
       for (uint64_t cursor = 0;;) {
         const auto next = (*stored)->Next(static_cast<int>(camera), cursor, 0);
         if (!next.ok()) outcome.damage = Message(next.status());
@@ -99,37 +83,28 @@ class FaultBench {
   }
   std::string StillOn() {
     {
-      RigClock::Member member(*end_.link, "test");
-      RigClock::Activity activity(*end_.link, Pace::kFree);
-      end_.link->SleepFor(kRigWatches);
+      RigClock::Member member(*end.link, "test");
+      RigClock::Activity activity(*end.link, Pace::kFree);
+      end.link->SleepFor(kRigWatches);
     }
     std::string on;
-    sim_.Exclusive([&](RigTime now) {
-      const auto levels = sim_.lamps.CommandedLevels();
+    sim.Exclusive([&](RigTime now) {
+      const auto levels = sim.lamps.CommandedLevels();
       for (size_t i = 0; i < levels.size(); ++i) {
-        if (levels[i] > 0 || sim_.lamps.Coil(rig_.lamps[i].channel)) on += rig_.lamps[i].name + " ";
+        if (levels[i] > 0 || sim.lamps.Coil(rig.lamps[i].channel)) on += rig.lamps[i].name + " ";
       }
-      for (size_t i = 0; i < rig_.axes.size(); ++i) {
-        const bool moves = sim_.can.node(i).Moving(now);
-        if (sim_.can.node(i).torque_on() || moves) on += rig_.axes[i].name + " ";
+      for (size_t i = 0; i < rig.axes.size(); ++i) {
+        const bool moves = sim.can.node(i).Moving(now);
+        if (sim.can.node(i).torque_on() || moves) on += rig.axes[i].name + " ";
       }
     });
     return on;
   }
 
-  const Rig rig_ = SmallRig();
-  SimRig sim_;
-  RigEnd end_{sim_, rig_};
-  Devices devices_;
-  std::vector<std::unique_ptr<Axis>> axes_;
-  std::vector<std::unique_ptr<Camera>> cameras_;
-  std::unique_ptr<LampBank> lamps_;
-  std::unique_ptr<DigitalLines> lines_;
   std::mutex mutex_;
   std::condition_variable ended_;
   std::optional<SequencerEvent> end_event_;
   int recoveries_ = 0;
-  std::unique_ptr<Sequencer> sequencer_;
 };
 
 }  // namespace

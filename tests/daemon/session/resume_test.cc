@@ -8,14 +8,8 @@
 namespace mesorig::daemon {
 namespace {
 
-class ResumeTest : public ::testing::Test {
+class ResumeTest : public SessionTest {
  protected:
-  std::shared_ptr<Session> Create() {
-    auto session = Session::Create(folder_.path(), plan_, rig_);
-    EXPECT_TRUE(session.ok()) << session.status();
-    id_ = (*session)->id();
-    return *session;
-  }
   std::shared_ptr<Session> Resume() {
     auto session = Session::Resume(folder_.path(), id_, rig_);
     EXPECT_TRUE(session.ok()) << session.status();
@@ -35,13 +29,8 @@ class ResumeTest : public ::testing::Test {
       ASSERT_TRUE(AppendShot(*session, ShotStep(shot)).ok());
     }
   }
-  std::filesystem::path File(std::string_view name) const { return folder_.path() / id_ / name; }
 
-  TemporaryFolder folder_;
-  const Rig rig_ = SmallRig();
-  const CompiledPlan plan_ = SweepingPlan(rig_);
   const std::vector<int> all_ = {0, 1, 2, 3, 4, 5, 6, 7};
-  std::string id_;
 };
 
 // What is missing is shot, and a consumer that follows gets every row once, in order.

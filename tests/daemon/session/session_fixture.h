@@ -212,4 +212,21 @@ inline bool FollowToEnd(Session& session, int camera,
   }
 }
 
+// Sessions of the sweeping plan, in a folder of their own.
+class SessionTest : public ::testing::Test {
+ protected:
+  std::shared_ptr<Session> Create() {
+    auto session = Session::Create(folder_.path(), plan_, rig_);
+    EXPECT_TRUE(session.ok()) << session.status();
+    id_ = (*session)->id();
+    return *session;
+  }
+  std::filesystem::path File(std::string_view name) const { return folder_.path() / id_ / name; }
+
+  TemporaryFolder folder_;
+  const Rig rig_ = SmallRig();
+  const CompiledPlan plan_ = SweepingPlan(rig_);
+  std::string id_;  // of the last one created
+};
+
 }  // namespace mesorig::daemon

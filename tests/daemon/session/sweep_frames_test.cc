@@ -26,14 +26,8 @@ void Overwrite(const std::filesystem::path& path, std::string_view bytes) {
   std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
 }
 
-class SweepFrames : public ::testing::Test {
+class SweepFrames : public SessionTest {
  protected:
-  std::shared_ptr<Session> Create() {
-    auto session = Session::Create(folder_.path(), plan_, rig_);
-    EXPECT_TRUE(session.ok()) << session.status();
-    id_ = (*session)->id();
-    return *session;
-  }
   std::shared_ptr<Session> CreateEnded() {
     auto session = Create();
     EXPECT_TRUE(AppendAll(*session, plan_).ok());
@@ -46,7 +40,6 @@ class SweepFrames : public ::testing::Test {
     EXPECT_TRUE(session.ok()) << session.status();
     return *session;
   }
-  std::filesystem::path File(std::string_view name) const { return folder_.path() / id_ / name; }
   // Steps of the plan that sweep.
   const Step& SweepStep(uint32_t sweep) const {
     return plan_.steps[plan_.steps.size() - plan_.sweeps + sweep];
@@ -55,10 +48,6 @@ class SweepFrames : public ::testing::Test {
   static constexpr uint64_t kRecord = 72 + 48;          // 24 pixels of two bytes
   static constexpr uint64_t kSweep1Bytes = 3 * (kHeader + 5 * kRecord);
 
-  TemporaryFolder folder_;
-  const Rig rig_ = SmallRig();
-  const CompiledPlan plan_ = SweepingPlan(rig_);
-  std::string id_;
 };
 
 TEST_F(SweepFrames, KeepWhereTheyStandAndWhatTheLaserDid) {
