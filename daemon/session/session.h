@@ -141,27 +141,24 @@ class Session {
   // Cameras of a planned shot that have no live frame: none appended, or what was is damaged.
   // Ascending. Any number of calls a shot: costs nothing. (The session keeps two bits a camera and
   // shot for it.) Of a session opened for reading: none.
-  virtual std::vector<int> Missing(uint32_t shot) const {
-    (void)shot;
-    return {};
-  }
+  virtual std::vector<int> Missing(uint32_t shot) const = 0;
   // Journals; durable with the next group of frames, or the next Flush. InvalidArgument for a value
   // that is not finite; otherwise errors as Append.
-  virtual Status Record(JournalEntry) { return OkStatus(); }
+  virtual Status Record(JournalEntry entry) = 0;
   // What metering chose for this meter, in this run or before a kill.
-  virtual std::optional<double> MeteredExposure(int) const { return std::nullopt; }
+  virtual std::optional<double> MeteredExposure(int meter) const = 0;
   // The last durable lamp frame of the sample (Purpose::kData, not of a sweep) whose pixels are
   // whole; nothing: there is none.
-  virtual StatusOr<std::optional<StoredFrame>> Reference() { return std::optional<StoredFrame>(); }
+  virtual StatusOr<std::optional<StoredFrame>> Reference() = 0;
   // Reads every live frame again after a Flush. Damaged ones are no longer live: Missing tells
   // them, and the frame that comes in their place supersedes them. Returns how many there were.
-  virtual StatusOr<uint32_t> DropDamaged() { return 0u; }
+  virtual StatusOr<uint32_t> DropDamaged() = 0;
   // OK, or why the disk takes nothing at the moment (Unavailable: file, operation, reason, bytes
   // that wait): full, read-only, failing. What was appended waits in memory and is tried again
   // twice a second; the sequencer pauses until it is OK again. The listener hears changes, on the
   // writer's thread; one.
-  virtual Status Storage() const { return OkStatus(); }
-  virtual void OnStorage(std::function<void(const Status&)>) {}
+  virtual Status Storage() const = 0;
+  virtual void OnStorage(std::function<void(const Status&)> listener) = 0;
   // Returns when everything appended is durable. Unavailable when the disk takes nothing, after one
   // more attempt: everything still waits.
   virtual Status Flush() = 0;
@@ -176,12 +173,9 @@ class Session {
                         bool deterministic) = 0;
   // The camera's newest frame when it has given more than `after`, durable or not; waits at most
   // `wait_ms` of host time for it. Nothing for a session that is only read. Holds nobody up.
-  virtual std::optional<LiveFrame> Latest(int camera, uint64_t after, int wait_ms) {
-    (void)camera, (void)after, (void)wait_ms;
-    return std::nullopt;
-  }
+  virtual std::optional<LiveFrame> Latest(int camera, uint64_t after, int wait_ms) = 0;
   // What was journaled and is durable, in order of time.
-  virtual StatusOr<std::vector<JournalEntry>> Entries() { return std::vector<JournalEntry>(); }
+  virtual StatusOr<std::vector<JournalEntry>> Entries() = 0;
 
   // Committed rows only. Waits at most `wait_ms` of host time for a row with a sequence above
   // `cursor`; nothing: none yet, or no more (see Summary().end). DataLoss names the file and the

@@ -121,10 +121,12 @@ class FakeSession final : public Session {
     std::lock_guard lock(mutex_);
     reference_->pixels = std::make_shared<const std::string>(std::move(pixels));
   }
+  StatusOr<std::vector<JournalEntry>> Entries() override { return journal(); }
   std::vector<JournalEntry> journal() const {
     std::lock_guard lock(mutex_);
     return journal_;
   }
+  std::optional<LiveFrame> Latest(int, uint64_t, int) override { return std::nullopt; }
   int Journaled(JournalKind kind) const {
     std::lock_guard lock(mutex_);
     return static_cast<int>(std::count_if(journal_.begin(), journal_.end(),
