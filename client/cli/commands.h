@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "protocol/base/status.h"
+#include "protocol/wire/channel.h"
 
 namespace CLI {
 class App;
@@ -17,6 +18,14 @@ namespace mesorig::client {
 // Options that every subcommand shares, filled in by parsing.
 struct Common {
   std::string runtime_dir;
+  std::string connect;   // HOST:PORT of a daemon over the network; empty: the local one
+  std::string identity;  // folder of the user's key and certificate, for it
+  wire::Address daemon() const {
+    wire::Address address(runtime_dir);
+    address.host_port = connect;
+    address.identity = identity;
+    return address;
+  }
   bool json = false;
 };
 
@@ -39,6 +48,8 @@ Command AddContinueCommand(CLI::App& app, Common& common);
 Command AddAbortCommand(CLI::App& app, Common& common);
 Command AddResetCommand(CLI::App& app, Common& common);
 Command AddResumeCommand(CLI::App& app, Common& common);
+// certs init, issue, revoke, list, token
+std::vector<Command> AddCertsCommands(CLI::App& app, Common& common);
 Command AddPlanCheckCommand(CLI::App& plan, Common& common);
 
 }  // namespace mesorig::client

@@ -14,7 +14,7 @@ namespace mesorig::client {
 namespace {
 
 Status ShowStatus(const Common& common) {
-  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
   MESORIG_ASSIGN_OR_RETURN(const v1::StatusReply status, daemon->GetStatus());
   if (common.json) {
     fmt::print("{}\n", JsonText(status));
@@ -44,7 +44,7 @@ Status ShowStatus(const Common& common) {
 }
 
 Status WatchEvents(const Common& common) {
-  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
   return daemon->Watch(0, [&](const v1::Event& event) {
     fmt::print("{}\n", common.json ? JsonText(event) : EventText(event));
     std::fflush(stdout);
@@ -54,7 +54,7 @@ Status WatchEvents(const Common& common) {
 
 // One command to the daemon; with --json what it does then.
 Status Order(const Common& common, const std::function<Status(DaemonClient&)>& give) {
-  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
   MESORIG_RETURN_IF_ERROR(give(*daemon));
   if (!common.json) return OkStatus();
   MESORIG_ASSIGN_OR_RETURN(const v1::StatusReply status, daemon->GetStatus());
@@ -70,7 +70,7 @@ std::string Joined(const std::vector<std::string>& words) {
 
 // The prompt that is waiting now.
 Status Acknowledge(const Common& common) {
-  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
   MESORIG_ASSIGN_OR_RETURN(const v1::StatusReply status, daemon->GetStatus());
   if (!status.has_prompt()) return FailedPrecondition("nothing is asked of the operator");
   return daemon->Acknowledge(status.prompt().id());

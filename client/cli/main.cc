@@ -18,6 +18,11 @@ int main(int argc, char** argv) {
   common.runtime_dir = DefaultRuntimeDir().string();
   app.add_option("--runtime-dir", common.runtime_dir, "Where programs find each other")
       ->capture_default_str();
+  auto* connect = app.add_option("--connect", common.connect,
+                                 "HOST:PORT of a mesorigd over the network, by mutual TLS");
+  auto* identity = app.add_option("--identity", common.identity,
+                                  "Folder with key.pem, cert.pem, ca.pem (mesorig certs issue)");
+  connect->needs(identity);
   app.add_flag("--json", common.json, "Print figures as JSON");
   CLI::App* plan = app.add_subcommand("plan", "Work on plan files without a daemon");
   plan->require_subcommand(1);
@@ -31,6 +36,7 @@ int main(int argc, char** argv) {
       client::AddResumeCommand(app, common),      client::AddAcknowledgeCommand(app, common),
       client::AddPlanCheckCommand(*plan, common)};
   for (auto& command : client::AddSessionCommands(app, common)) commands.push_back(command);
+  for (auto& command : client::AddCertsCommands(app, common)) commands.push_back(command);
   return RunProgram(app, "mesorig", argc, argv, [&]() -> Status {
     for (const auto& command : commands) {
       if (command.app->parsed()) return command.run();

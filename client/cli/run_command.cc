@@ -194,7 +194,7 @@ Command AddRunCommand(CLI::App& app, Common& common) {
   AddFollowOptions(*run, *options);
   return {run, [options, &common]() -> Status {
             MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(options->plan, kMaxPlan));
-            MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
+            MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
             MESORIG_ASSIGN_OR_RETURN(const v1::RunReply reply, daemon->Run(text, options->plan));
             return Follow(*options, common, *daemon, reply);
           }};
@@ -210,7 +210,7 @@ Command AddArmCommand(CLI::App& app, Common& common) {
   arm->add_option("plan", options->plan, "Plan file (plans/*.toml)")->required();
   return {arm, [options, &common]() -> Status {
             MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(options->plan, kMaxPlan));
-            MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
+            MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
             MESORIG_ASSIGN_OR_RETURN(const v1::RunReply reply, daemon->Arm(text, options->plan));
             return Follow(*options, common, *daemon, reply);
           }};
@@ -238,7 +238,7 @@ Command AddResumeCommand(CLI::App& app, Common& common) {
                    "Go on though the reference frame differs from the one on the disk");
   AddFollowOptions(*resume, options->run);
   return {resume, [options, &common]() -> Status {
-            MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.runtime_dir));
+            MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
             v1::ResumeSessionRequest request;
             request.set_session_id(options->session);
             request.set_sample_name(options->sample);

@@ -23,7 +23,7 @@ std::string AgeText(double seconds) {
 }
 
 Status ShowSessions(const Common& common) {
-  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.daemon()));
   MESORIG_ASSIGN_OR_RETURN(const auto reply, daemon->ListSessions());
   if (common.json) {
     fmt::print("{}\n", JsonText(reply));
@@ -49,7 +49,7 @@ std::string EntryText(const v1::JournalEntry& entry) {
 }
 
 Status Verify(const Common& common, const std::string& id) {
-  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.daemon()));
   StatusOr<v1::VerifyReport> report = Internal("not asked");
   {
     ProgressBar bar;
@@ -79,7 +79,7 @@ Status Verify(const Common& common, const std::string& id) {
 }
 
 Status ShowJournal(const Common& common, const std::string& id) {
-  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.daemon()));
   MESORIG_ASSIGN_OR_RETURN(const auto journal, daemon->ReadJournal(id));
   if (common.json) fmt::print("{}\n", JsonText(journal));
   for (const v1::JournalEntry& entry : journal.entries()) {
@@ -89,7 +89,7 @@ Status ShowJournal(const Common& common, const std::string& id) {
 }
 
 Status Remove(const Common& common, const std::string& id, bool yes) {
-  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.daemon()));
   auto reply = daemon->Remove(id, yes);
   if (!yes && absl::IsFailedPrecondition(reply.status())) {
     return Annotate(reply.status(), "--yes removes complete sessions too");
@@ -113,7 +113,7 @@ Status Clean(const Common& common, const CleanOptions& options) {
   if (options.keep >= 0) keep = static_cast<uint32_t>(options.keep);
   if (options.older_than_days >= 0) older_than_s = options.older_than_days * 24 * 3600;
   if (!keep && !older_than_s) return InvalidArgument("clean: say --keep N or --older-than DAYS");
-  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.daemon()));
   MESORIG_ASSIGN_OR_RETURN(const auto reply, daemon->Clean(keep, older_than_s, options.incomplete));
   if (common.json) {
     fmt::print("{}\n", JsonText(reply));
@@ -125,7 +125,7 @@ Status Clean(const Common& common, const CleanOptions& options) {
 }
 
 Status Export(const Common& common, const std::string& id, const std::string& out) {
-  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.daemon()));
   MESORIG_ASSIGN_OR_RETURN(const auto session, daemon->GetSession(id));
   if (!session.ended()) return FailedPrecondition("session {} is being written", id);
   MESORIG_ASSIGN_OR_RETURN(const Rig rig, ParseRig(session.rig_toml(), "rig.toml"));
@@ -157,7 +157,7 @@ Status Export(const Common& common, const std::string& id, const std::string& ou
 }
 
 Status SavePreview(const Common& common, uint32_t camera, const std::string& out) {
-  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.runtime_dir));
+  MESORIG_ASSIGN_OR_RETURN(const Client daemon, FramesClient::Connect(common.daemon()));
   MESORIG_ASSIGN_OR_RETURN(const v1::PreviewFrame frame, daemon->NextPreview(camera));
   const std::string pgm =
       fmt::format("P5\n{} {}\n255\n{}", frame.width(), frame.height(), frame.grey());

@@ -36,8 +36,8 @@ struct DaemonClient::State {
 };
 
 StatusOr<std::unique_ptr<DaemonClient>> DaemonClient::Connect(
-    const std::filesystem::path& runtime_dir) {
-  MESORIG_ASSIGN_OR_RETURN(const auto channel, wire::ConnectTo(runtime_dir, wire::kDaemonName));
+    const wire::Address& address) {
+  MESORIG_ASSIGN_OR_RETURN(const auto channel, wire::ConnectTo(address, wire::kDaemonName));
   auto state = std::make_unique<State>();
   state->control = v1::Control::NewStub(channel);
   state->frames = v1::Frames::NewStub(channel);

@@ -1,7 +1,6 @@
 #pragma once
 // The daemon as its clients see it. Thread-safe; Watch blocks its caller.
 
-#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
@@ -10,14 +9,15 @@
 #include "protocol/base/status.h"
 #include "protocol/messages/control.pb.h"
 #include "protocol/messages/frames.pb.h"
+#include "protocol/wire/channel.h"
 
 namespace mesorig::client {
 
 class DaemonClient {
  public:
-  // Finds mesorigd in the runtime directory and shakes hands. Unavailable: it is not running or
+  // Finds mesorigd in the runtime directory or over the network, and shakes hands. Unavailable: it is not running or
   // does not answer; FailedPrecondition: it speaks another major version.
-  static StatusOr<std::unique_ptr<DaemonClient>> Connect(const std::filesystem::path& runtime_dir);
+  static StatusOr<std::unique_ptr<DaemonClient>> Connect(const wire::Address& address);
   ~DaemonClient();
 
   const v1::HelloReply& hello() const;

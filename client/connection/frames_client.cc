@@ -40,8 +40,8 @@ struct FramesClient::State {
 };
 
 StatusOr<std::unique_ptr<FramesClient>> FramesClient::Connect(
-    const std::filesystem::path& runtime_dir) {
-  MESORIG_ASSIGN_OR_RETURN(const auto channel, wire::ConnectTo(runtime_dir, wire::kDaemonName));
+    const wire::Address& address) {
+  MESORIG_ASSIGN_OR_RETURN(const auto channel, wire::ConnectTo(address, wire::kDaemonName));
   auto state = std::make_unique<State>();
   state->frames = v1::Frames::NewStub(channel);
   return std::unique_ptr<FramesClient>(new FramesClient(std::move(state)));

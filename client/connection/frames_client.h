@@ -2,7 +2,6 @@
 // The sessions of a daemon and their frames, as its clients see them. Thread-safe; calls that
 // stream block their caller.
 
-#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -10,13 +9,14 @@
 
 #include "protocol/base/status.h"
 #include "protocol/messages/frames.pb.h"
+#include "protocol/wire/channel.h"
 
 namespace mesorig::client {
 
 class FramesClient {
  public:
   // Finds mesorigd in the runtime directory. Unavailable: it is not running.
-  static StatusOr<std::unique_ptr<FramesClient>> Connect(const std::filesystem::path& runtime_dir);
+  static StatusOr<std::unique_ptr<FramesClient>> Connect(const wire::Address& address);
   ~FramesClient();
 
   StatusOr<v1::ListSessionsReply> ListSessions();

@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "daemon/app/access_options.h"
 #include "daemon/app/serve.h"
 #include "protocol/base/program.h"
 #include "protocol/base/runtime_dir.h"
@@ -19,5 +20,6 @@ int main(int argc, char** argv) {
       ->required();
   app.add_option("--runtime-dir", options.runtime_dir, "Where programs find each other")
       ->capture_default_str();
+  daemon::AddAccessOptions(app, options.access);
   return RunProgram(app, "mesorigd", argc, argv, [&] { return daemon::Serve(options); });
 }

@@ -14,6 +14,7 @@
 #include "daemon/service/auth_properties.h"
 #include "protocol/base/file_writer.h"
 #include "protocol/base/log.h"
+#include "protocol/wire/grpc_status.h"
 #include "protocol/wire/server.h"
 #include "protocol/wire/token.h"
 
@@ -43,8 +44,8 @@ std::vector<std::string_view> TokensIn(const Metadata& metadata) {
 // In front of all methods. One for the network, one for each pair of role and uid.
 class Processor final : public grpc::AuthMetadataProcessor {
  public:
-  Processor(Gate& gate, std::atomic<uint64_t>& connections)
-      : gate_(gate), connections_(connections) {}
+  Processor(Gate& gate, CallBook& calls, std::atomic<uint64_t>& connections)
+      : gate_(gate), calls_(calls), connections_(connections) {}
   // Whose all its connections are. Without it peers have certificates.
   void SetLocal(Peer peer) EXCLUDES(mutex_) {
     MutexLock lock(mutex_);
@@ -54,12 +55,12 @@ class Processor final : public grpc::AuthMetadataProcessor {
 
   grpc::Status Process(const InputMetadata& metadata, grpc::AuthContext* context, OutputMetadata*,
                        OutputMetadata*) override {
-    const auto path = metadata.find(":path");
-    const auto caller = gate_.Admit(path == metadata.end() ? "" : View(path->second),
-                                    Introduce(*context), TokensIn(metadata));
-    if (caller.ok()) return grpc::Status::OK;
-    return {static_cast<grpc::StatusCode>(caller.status().raw_code()),
-            std::string(Message(caller.status()))};
+    const auto found = metadata.find(":path");
+    const std::string_view path = found == metadata.end() ? "" : View(found->second);
+    const auto caller = gate_.Admit(path, Introduce(*context), TokensIn(metadata));
+    if (!caller.ok()) return wire::ToGrpc(caller.status());
+    if (Gate::IsStop(path)) return grpc::Status::OK;
+    return wire::ToGrpc(calls_.Room(CallBook::KeyOf(Name(caller->role), caller->name, caller->via)));
   }
 
  private:
@@ -77,6 +78,7 @@ class Processor final : public grpc::AuthMetadataProcessor {
   }
 
   Gate& gate_;
+  CallBook& calls_;
   std::atomic<uint64_t>& connections_;
   Mutex mutex_;
   std::optional<Peer> local_ GUARDED_BY(mutex_);
@@ -107,18 +109,20 @@ class AccessImpl final : public Access {
       : options_(std::move(options)),
         allowed_(options_.tls_dir / kAllowedFile),
         gate_(options_.gate, options_.listen.empty() ? nullptr : &allowed_, std::move(ca_pem)),
+        calls_(options_.calls, [this](const auto& context) { return StillWelcome(context); }),
         listeners_(options_.limits) {}
   ~AccessImpl() override { Shutdown(std::chrono::system_clock::now()); }
 
   Status Start(PublishedEndpoint& endpoint, const std::vector<grpc::Service*>& services);
   void Shutdown(std::chrono::system_clock::time_point deadline) override;
   void Reload() override { allowed_.Reload(); }
-  Status StillWelcome(const grpc::ServerContextBase& context) override;
+  size_t calls_under_way() const override { return calls_.size(); }
   std::string address() const override { return address_; }
 
  private:
   Entrance MakeEntrance(grpc::ServerBuilder& builder,
                         const std::shared_ptr<grpc::ServerCredentials>& credentials);
+  Status StillWelcome(const grpc::ServerContextBase& context);
   Status BuildServer(const std::vector<grpc::Service*>& services);
   Status ListenLocally(PublishedEndpoint& endpoint);
   Status ListenOnTheNetwork();
@@ -128,6 +132,7 @@ class AccessImpl final : public Access {
   AllowList allowed_;
   Gate gate_;
   std::atomic<uint64_t> connections_{0};
+  CallBook calls_;
   std::vector<Entrance> local_;                          // in use: the first local_callers_.size()
   std::vector<std::pair<Role, uid_t>> local_callers_;    // of the listeners' thread
   std::optional<Entrance> network_;
@@ -141,7 +146,7 @@ Entrance AccessImpl::MakeEntrance(grpc::ServerBuilder& builder,
                                   const std::shared_ptr<grpc::ServerCredentials>& credentials) {
   using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
   Entrance entrance;
-  entrance.processor = std::make_shared<Processor>(gate_, connections_);
+  entrance.processor = std::make_shared<Processor>(gate_, calls_, connections_);
   credentials->SetAuthMetadataProcessor(entrance.processor);
   entrance.acceptor = builder.experimental().AddExternalConnectionAcceptor(Type::FROM_FD, credentials);
   return entrance;
@@ -175,6 +180,7 @@ Status AccessImpl::BuildServer(const std::vector<grpc::Service*>& services) {
   set(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10'000);
   set(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   for (grpc::Service* service : services) builder.RegisterService(service);
+  calls_.Watch(builder);
   server_ = builder.BuildAndStart();
   if (server_ == nullptr) return FailedPrecondition("gRPC starts no server");
   return OkStatus();

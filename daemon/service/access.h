@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "daemon/service/call_book.h"
 #include "daemon/service/caller.h"
 #include "daemon/service/gate.h"
 #include "protocol/base/runtime_dir.h"
@@ -17,8 +18,6 @@
 #include "protocol/wire/listeners.h"
 
 namespace grpc {
-class Server;
-class ServerContextBase;
 class Service;
 }  // namespace grpc
 
@@ -32,6 +31,7 @@ struct AccessOptions {
   std::filesystem::path tls_dir;  // key.pem, cert.pem, ca.pem, allowed: `mesorig certs`
   GateOptions gate;
   wire::ListenerLimits limits;
+  CallLimits calls;
   std::chrono::milliseconds handshake{5000};  // until TLS and HTTP/2 are agreed on
 };
 
@@ -54,8 +54,7 @@ class Access {
   virtual void Shutdown(std::chrono::system_clock::time_point deadline) = 0;
   // Reads the list of allowed certificates again (SIGHUP; it is looked at anyhow when it changes).
   virtual void Reload() = 0;
-  // Whether the caller of a stream that goes on may still have it: not revoked, not expired.
-  virtual Status StillWelcome(const grpc::ServerContextBase& context) = 0;
+  virtual size_t calls_under_way() const = 0;
   // "HOST:PORT" that is listened on; empty: none.
   virtual std::string address() const = 0;
 };

@@ -164,13 +164,18 @@ StatusOr<Caller> Gate::Admit(std::string_view path, const Peer& peer,
     Tell(path, peer, caller.status(), now_s);
     return caller;
   }
-  if (FindRule(path)->method == kStop) return caller;
+  if (IsStop(path)) return caller;
   MutexLock lock(mutex_);
   if (calls_.Take(fmt::format("{} {} {}", Name(caller->role), caller->name, caller->via), now_s)) {
     return caller;
   }
   return absl::ResourceExhaustedError(
       fmt::format("{}: more than {:.0f} calls a second", Describe(*caller), options_.calls_per_s));
+}
+
+bool Gate::IsStop(std::string_view path) {
+  const CallRule* rule = FindRule(path);
+  return rule != nullptr && rule->method == kStop;
 }
 
 void Gate::Tell(std::string_view path, const Peer& peer, const Status& why, double now_s) {

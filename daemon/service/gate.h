@@ -52,6 +52,8 @@ class Gate {
   // role does not suffice (names both); RESOURCE_EXHAUSTED: too often (never Stop).
   StatusOr<Caller> Admit(std::string_view path, const Peer& peer,
                          const std::vector<std::string_view>& tokens);
+  // Never limited.
+  static bool IsStop(std::string_view path);
   // Of a stream that goes on: whether its caller still is who he was. Counts nothing.
   Status StillWelcome(const Peer& peer, const std::vector<std::string_view>& tokens);
 

@@ -3,6 +3,7 @@
 // alternative names: `mesorig:role:operator` and `mesorig:user:anna`. Pure functions on bytes from
 // outside; any thread.
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -13,6 +14,9 @@ namespace mesorig::wire {
 
 inline constexpr size_t kMaxCertificateBytes = 8192;  // DER
 inline constexpr size_t kMaxNameLength = 64;
+// Of certificates: the daemon's roles (daemon/service/caller.h), gateways, and the daemon itself.
+inline constexpr std::array<std::string_view, 6> kCertificateRoles = {
+    "observer", "processing", "operator", "administrator", "gateway", "daemon"};
 
 struct Identity {
   std::string role;         // as it stands in the URI: "operator", "gateway", "daemon"

@@ -139,7 +139,7 @@ StatusOr<Token> ParseToken(std::string_view text) {
 
 StatusOr<Token> TokenVerifier::Verify(std::string_view text, int64_t now_s) const {
   auto parsed = ParseToken(text);
-  if (!parsed.ok()) return Unauthenticated("{}", Message(parsed.status()));
+  if (!parsed.ok()) return Unauthenticated("token refused: {}", Message(parsed.status()));
   Token& token = *parsed;
   // (Compared before it is subtracted: the numbers are anybody's.)
   if (token.expires_s <= now_s) return Unauthenticated("token: expired");

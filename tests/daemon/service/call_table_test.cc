@@ -3,10 +3,13 @@
 #include <gmock/gmock.h>
 #include <google/protobuf/descriptor.h>
 
+#include <cstdlib>
 #include <set>
 
+#include "protocol/base/file_writer.h"
 #include "protocol/messages/control.pb.h"
 #include "protocol/messages/frames.pb.h"
+#include "protocol/wire/identity.h"
 
 namespace mesorig::daemon {
 namespace {
@@ -43,6 +46,39 @@ TEST(CallTable, HasEveryMethodOfEveryServiceOnceAndNoOther) {
   }
 }
 
+std::string Rendered() {
+  std::string text = "| call | observer | processing | operator | administrator | lease | audited |\n"
+                     "| --- | --- | --- | --- | --- | --- | --- |\n";
+  for (const CallRule& rule : CallTable()) {
+    text += fmt::format("| {} |", rule.method);
+    for (int role = 1; role < kRoles; ++role) {
+      text += static_cast<Role>(role) >= rule.least ? " ✓ |" : " |";
+    }
+    text += rule.lease == Lease::kHeld ? " ✓ |" : " |";
+    text += rule.audited ? " ✓ |\n" : " |\n";
+  }
+  return text;
+}
+
+TEST(CallTable, IsTheOneInTheDocumentation) {
+  const std::string file = std::string(MESORIG_SOURCE_DIR) + "/docs/access.md";
+  const std::string begin = "<!-- calls: begin -->\n", end = "<!-- calls: end -->";
+  std::string text = ReadFile(file).value();
+  const size_t from = text.find(begin), to = text.find(end);
+  ASSERT_NE(from, std::string::npos);
+  ASSERT_NE(to, std::string::npos);
+  const size_t at = from + begin.size();
+  const bool same = text.substr(at, to - at) == Rendered();
+  if (std::getenv("MESORIG_UPDATE_DOCS") != nullptr) {
+    text.replace(at, to - at, Rendered());
+    ASSERT_TRUE(WriteFileAtomically(file, text).ok());
+    return;
+  }
+  EXPECT_TRUE(same) << "docs/access.md has another table. To write this one there: "
+                       "MESORIG_UPDATE_DOCS=1 daemon_service_test "
+                       "--gtest_filter=CallTable.IsTheOneInTheDocumentation";
+}
+
 TEST(CallTable, FindsByPath) {
   ASSERT_NE(FindRule("/mesorig.v1.Control/Run"), nullptr);
   EXPECT_EQ(FindRule("/mesorig.v1.Control/Run")->least, Role::kOperator);
@@ -65,7 +101,9 @@ TEST(CallTable, RolesHaveNames) {
     const Role role = static_cast<Role>(i);
     EXPECT_EQ(RoleNamed(Name(role)), role) << Name(role);
   }
-  EXPECT_EQ(RoleNamed("gateway"), Role::kNone);
+  for (const std::string_view role : wire::kCertificateRoles) {
+    EXPECT_EQ(RoleNamed(role) == Role::kNone, role == "gateway" || role == "daemon") << role;
+  }
   EXPECT_EQ(RoleNamed(""), Role::kNone);
 }
 
