@@ -112,6 +112,10 @@ nlohmann::json ToJson(const v1::RunReply& reply, const v1::SessionEnded& ended,
 }
 
 StatusOr<v1::ProductsReply> Products(const Common& common, const std::string& session_id) {
+  if (!common.connect.empty()) {  // mesorig-processd answers on its own machine only
+    fmt::print(stderr, "mesorig: the products are told on the rig's machine, not over --connect\n");
+    return v1::ProductsReply();
+  }
   auto processing = ProcessingClient::Connect(common.runtime_dir);
   if (!processing.ok()) {  // capture without a processing service is a way to work
     fmt::print(stderr, "mesorig: no products: {}\n", Message(processing.status()));

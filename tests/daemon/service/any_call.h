@@ -6,6 +6,7 @@
 #include <grpcpp/support/method_handler.h>
 #include <grpcpp/support/byte_buffer.h>
 
+#include <atomic>
 #include <list>
 #include <map>
 #include <string>
@@ -25,10 +26,13 @@ struct AnyReply {
   std::string text;
 };
 
+inline std::atomic<int> any_calls{0};  // made by this process
+
 // One unary call with an empty request.
 inline AnyReply AnyCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& path,
                         const std::multimap<std::string, std::string>& metadata = {},
                         const std::string& request = "") {
+  ++any_calls;
   grpc::GenericStub stub(channel);
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));

@@ -4,6 +4,8 @@
 #include <arpa/inet.h>
 #include <openssl/ssl.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -157,6 +159,58 @@ TEST_F(HostilePeersTest, AStreamEndsWhenItsCallerIsRevoked) {
   }
   EXPECT_EQ(stream->Finish().error_code(), StatusCode::CANCELLED);
   ExpectUnharmed();
+}
+
+// Another user of this machine: only this thread becomes him.
+class OtherUserTest : public HostilePeersTest {
+ protected:
+  static constexpr uid_t kNobody = 65534;
+  void SetUp() override {
+    if (::geteuid() != 0) GTEST_SKIP() << "only root can become somebody else";
+    access_options_.groups[Role::kOperator] = wire::GroupNamed("nogroup").ok() ? "nogroup" : "root";
+    HostilePeersTest::SetUp();
+    ::chmod(folder_.path().c_str(), 0711);
+    ::chmod((folder_.path() / "run").c_str(), 0711);
+  }
+  // Sends a call as nobody; false when the kernel does not even let him connect.
+  bool CallAsNobody(const std::filesystem::path& socket, std::string& reply) {
+    bool connected = false;
+    std::thread([&] {
+      ::syscall(SYS_setgroups, 0, nullptr);
+      ::syscall(SYS_setresgid, kNobody, kNobody, kNobody);
+      ::syscall(SYS_setresuid, kNobody, kNobody, kNobody);
+      sockaddr_un to{};
+      to.sun_family = AF_UNIX;
+      std::strncpy(to.sun_path, socket.c_str(), sizeof(to.sun_path) - 1);
+      const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+      connected = ::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof(to)) == 0;
+      const std::string call = CallAsBytes("/mesorig.v1.Control/Abort");
+      if (connected) (void)::send(fd, call.data(), call.size(), MSG_NOSIGNAL);
+      // Until the other end closes, or has answered and done it.
+      char buffer[4096];
+      while (connected && (reply.empty() || sequencer_.commands().empty())) {
+        const ssize_t n = ::recv(fd, buffer, sizeof(buffer), MSG_DONTWAIT);
+        if (n == 0 || (n < 0 && errno != EAGAIN)) break;
+        if (n > 0) reply.append(buffer, static_cast<size_t>(n));
+        std::this_thread::yield();
+      }
+      ::close(fd);
+    }).join();
+    return connected;
+  }
+};
+
+TEST_F(OtherUserTest, ComesInByHisGroupOnly) {
+  std::string reply;
+  EXPECT_FALSE(CallAsNobody(Socket("administrator"), reply)) << "the file's mode";
+  // Somebody widened it: the daemon looks at the uid itself.
+  ::chmod(Socket("administrator").c_str(), 0666);
+  EXPECT_TRUE(CallAsNobody(Socket("administrator"), reply));
+  EXPECT_EQ(reply, "") << "not a byte";
+  EXPECT_TRUE(sequencer_.commands().empty());
+  EXPECT_TRUE(CallAsNobody(Socket("operator"), reply));
+  EXPECT_NE(reply, "");
+  EXPECT_EQ(sequencer_.commands().size(), 1u) << "of the group of operators";
 }
 
 class LimitsTest : public HostilePeersTest {

@@ -111,6 +111,7 @@ class NetworkAccessTest : public ::testing::Test {
     ASSERT_TRUE(access.ok()) << access.status();
     access_ = *std::move(access);
   }
+  static void TearDownTestSuite() { fmt::print("{} calls were tried\n", any_calls.load()); }
   void TearDown() override {
     if (access_) access_->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(5));
   }
