@@ -112,7 +112,16 @@ Status ModbusBus::WriteCoils(int first, std::vector<uint8_t> values) {
 }
 
 StatusOr<std::vector<uint16_t>> ModbusBus::ReadInputRegisters(int first, int count) {
+  return ReadRegisters(first, count, false);
+}
+
+StatusOr<std::vector<uint16_t>> ModbusBus::LookAtInputRegisters(int first, int count) {
+  return ReadRegisters(first, count, true);
+}
+
+StatusOr<std::vector<uint16_t>> ModbusBus::ReadRegisters(int first, int count, bool looks) {
   auto job = std::make_shared<Job>();
+  job->looks = looks;
   auto values = std::make_shared<std::vector<uint16_t>>(count);  // outlives a caller that is gone
   job->work = [this, first, count, values](modbus_t* context) {
     if (modbus_read_input_registers(context, first, count, values->data()) != count) {
@@ -174,15 +183,24 @@ void ModbusBus::Finish(const std::shared_ptr<Job>& job, Status result) {
   job->finished.set_value();
 }
 
+bool ModbusBus::LeftToItsTimeout() const {
+  return options_.keep_alive == kNever || write_failed_ ||
+         last_telegram_ - last_request_ > options_.keep_alive_limit;
+}
+
 void ModbusBus::Run() {
   last_telegram_ = last_request_ = clock_.Now();
   for (;;) {
-    const bool silent = options_.keep_alive == kNever || write_failed_ ||
-                        last_telegram_ - last_request_ > options_.keep_alive_limit;
-    const RigTime due = silent ? kNever : last_telegram_ + options_.keep_alive;
+    const RigTime due =
+        LeftToItsTimeout() ? kNever : last_telegram_ + options_.keep_alive;
     clock_.WaitUntil(due, [&] { return closing_ || !jobs_.empty(); });
     if (const auto job = TakeJob()) {
-      last_telegram_ = last_request_ = clock_.Now();
+      if (job->looks && options_.keep_alive != kNever && LeftToItsTimeout()) {
+        Finish(job, Unavailable("Modbus {}: left to its timeout", endpoint_));
+        continue;
+      }
+      last_telegram_ = clock_.Now();
+      if (!job->looks) last_request_ = last_telegram_;
       const Status result = Execute(job->work);
       if (job->writes) write_failed_ = !result.ok();
       Finish(job, Annotate(result, fmt::format("Modbus {}", endpoint_)));

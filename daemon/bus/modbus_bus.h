@@ -54,6 +54,9 @@ class ModbusBus {
   // One request: all coils change together.
   Status WriteCoils(int first, std::vector<uint8_t> values);
   StatusOr<std::vector<uint16_t>> ReadInputRegisters(int first, int count);
+  // The same for somebody who only looks: it does not count as the owner's work, and is Unavailable
+  // while the slave is left to its timeout.
+  StatusOr<std::vector<uint16_t>> LookAtInputRegisters(int first, int count);
   // Goes to the head of the queue and cancels the writes that wait there, so that nothing that was
   // asked for earlier undoes it. Blocks the caller in host time until it is done or has failed.
   Status WriteCoilsAtOnce(int first, std::vector<uint8_t> values);
@@ -66,6 +69,7 @@ class ModbusBus {
     std::function<Status(_modbus*)> work;
     bool writes = false;
     bool at_once = false;  // nothing overtakes it
+    bool looks = false;    // is not the owner's
     bool done = false;     // guarded by the clock's lock
     Status result;         // set before done
     std::promise<void> finished;
@@ -85,6 +89,8 @@ class ModbusBus {
   Status EnsureConnected();
   void KeepAlive();
   Status Enqueue(const std::shared_ptr<Job>& job);
+  StatusOr<std::vector<uint16_t>> ReadRegisters(int first, int count, bool looks);
+  bool LeftToItsTimeout() const;
 
   RigClock& clock_;
   const std::string endpoint_;

@@ -16,7 +16,7 @@ Status VisitRig(const RunContext& context, RigPower& power, CameraArray& cameras
   context.chain.Arm();
   if (waited) context.on_wait(false);
   MESORIG_RETURN_IF_ERROR(asked);
-  MESORIG_RETURN_IF_ERROR(context.chain.Check());
+  MESORIG_RETURN_IF_ERROR(context.safety.MayEnergise());
   context.board.SetChain(context.chain.levels());
   cameras.Chill();
   return power.AxesOn(HomeWhich::kUnreferenced);  // those that lost their reference

@@ -139,6 +139,7 @@ Status PlanRun::Walk() {
 
 // Between shots: here a run may pause.
 Status PlanRun::SafeStep() {
+  context_.safety.Alive();
   MESORIG_RETURN_IF_ERROR(context_.chain.Check());
   context_.board.SetChain(context_.chain.levels());
   MESORIG_RETURN_IF_ERROR(context_.devices.stop->Check());

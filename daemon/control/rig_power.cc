@@ -12,8 +12,9 @@ constexpr int kSafeAttempts = 3;
 }  // namespace
 
 Status RigPower::Up(HomeWhich homing) {
-  MESORIG_RETURN_IF_ERROR(context_.chain.Check());
+  const Status permit = context_.safety.MayEnergise();
   context_.board.SetChain(context_.chain.levels());
+  MESORIG_RETURN_IF_ERROR(permit);
   MESORIG_RETURN_IF_ERROR(context_.devices.lamps->Open());
   MESORIG_RETURN_IF_ERROR(context_.devices.lamps->AllOff());
   MESORIG_RETURN_IF_ERROR(cameras_.Open());
@@ -88,7 +89,7 @@ Status RigPower::MakeSafe() {
 }
 
 Status RigPower::Park() {
-  MESORIG_RETURN_IF_ERROR(context_.chain.Check());
+  MESORIG_RETURN_IF_ERROR(context_.safety.MayEnergise());
   MESORIG_RETURN_IF_ERROR(AxesOn(HomeWhich::kUnreferenced));
   Stance home;
   home.axis_rad.assign(context_.devices.axes.size(), 0.0);

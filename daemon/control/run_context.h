@@ -8,8 +8,7 @@
 #include "daemon/control/reading_board.h"
 #include "daemon/control/sequencer.h"
 #include "daemon/control/state_machine.h"
-#include "daemon/safety/interlock_chain.h"
-#include "daemon/safety/laser_gate.h"
+#include "daemon/safety/safety.h"
 #include "daemon/session/session.h"
 
 namespace mesorig::daemon {
@@ -23,7 +22,8 @@ struct RunContext {
   RigClock& clock;
   const Rig& rig;
   const Devices& devices;
-  InterlockChain& chain;
+  Safety& safety;
+  InterlockChain& chain;  // safety's
   LaserGate* gate;  // null in a rig without a laser
   OperatorDesk& desk;
   RigClock::Activity& activity;  // of this run: suspended while it is paused or waits for hands

@@ -26,7 +26,7 @@ constexpr RigTime kIdleRefresh{1'000'000'000};
 class SequencerImpl final : public Sequencer {
  public:
   SequencerImpl(RigClock& clock, const Rig& rig, Devices devices,
-                std::function<bool()> deterministic);
+                std::function<bool()> deterministic, Safety* safety);
   ~SequencerImpl() override;
   Status CheckBegin(SequencerCommand how, const CompiledPlan& plan) override;
   Status Begin(SequencerCommand how, SessionJob job) override;
@@ -35,6 +35,7 @@ class SequencerImpl final : public Sequencer {
   Status Acknowledge(uint32_t prompt_id) override;
   SequencerStatus GetStatus() const override;
   void OnEvent(std::function<void(const SequencerEvent&)> listener) override;
+  Safety* safety() override { return &safety_; }
 
  private:
   struct Times {
@@ -58,13 +59,19 @@ class SequencerImpl final : public Sequencer {
 
   RigClock& clock_;
   const Rig& rig_;
-  const Devices devices_;
+  const std::unique_ptr<Safety> own_safety_;  // when none was given
+  Safety& safety_;
+  const Devices devices_;  // as Safety lets them be used
   const std::function<bool()> deterministic_;
   StateMachine machine_;
-  InterlockChain chain_;
-  std::optional<LaserGate> gate_;  // in a rig with a laser
+  InterlockChain& chain_;
   OperatorDesk desk_;
   ReadingBoard board_;
+  // Shared with Safety's listener, which may outlive this object. Guarded by the clock's lock.
+  struct Listening {
+    StateMachine* machine = nullptr;
+  };
+  const std::shared_ptr<Listening> listening_;
   std::atomic<uint32_t> frames_durable_{0};
   // Guarded by the clock's lock:
   std::optional<SessionJob> job_;
@@ -79,26 +86,48 @@ class SequencerImpl final : public Sequencer {
   RigThread thread_;
 };
 
+std::unique_ptr<Safety> MakeSafety(RigClock& clock, const Rig& rig, const Devices& devices) {
+  return std::make_unique<Safety>(
+      clock, rig, SafetyDevices{devices.axes, devices.lamps, devices.lines}, *devices.stop);
+}
+
+Devices Guarded(Devices devices, const Safety& safety) {
+  devices.axes = safety.axes();
+  devices.lamps = safety.lamps();
+  return devices;
+}
+
 SequencerImpl::SequencerImpl(RigClock& clock, const Rig& rig, Devices devices,
-                             std::function<bool()> deterministic)
+                             std::function<bool()> deterministic, Safety* safety)
     : clock_(clock),
       rig_(rig),
-      devices_(std::move(devices)),
+      own_safety_(safety == nullptr ? MakeSafety(clock, rig, devices) : nullptr),
+      safety_(safety == nullptr ? *own_safety_ : *safety),
+      devices_(Guarded(std::move(devices), safety_)),
       deterministic_(std::move(deterministic)),
       machine_(clock, *devices_.stop),
-      chain_(clock, devices_.lines, rig.lines, *devices_.stop),
+      chain_(safety_.chain()),
       desk_(clock, chain_, *devices_.stop),
       board_(rig),
+      listening_(std::make_shared<Listening>()),
       thread_(clock, "sequencer", [this] { Loop(); }) {
-  // (Before the first plan: nobody else has this object yet.)
-  if (rig.laser) gate_.emplace(clock, devices_.lines, rig.lines, *devices_.stop);
+  // A stop that did not come by way of Stop; the sequencer's thread follows.
+  clock.Change([&] { listening_->machine = &machine_; });
+  safety_.OnStop([&clock, listening = listening_](std::string_view reason) {
+    StateMachine* machine = nullptr;
+    clock.Read([&] { machine = listening->machine; });
+    if (machine != nullptr) (void)machine->Give(SequencerCommand::kStop, reason);
+  });
 }
 
 SequencerImpl::~SequencerImpl() {
   if (const Status status = Stop("the daemon ends"); !status.ok()) {
     Log("control").error("{}", Message(status));
   }
-  clock_.Change([&] { closing_ = true; });
+  clock_.Change([&] {
+    closing_ = true;
+    listening_->machine = nullptr;
+  });
 }
 
 Status SequencerImpl::CheckBegin(SequencerCommand how, const CompiledPlan& plan) {
@@ -107,9 +136,14 @@ Status SequencerImpl::CheckBegin(SequencerCommand how, const CompiledPlan& plan)
     return InvalidArgument("plan {} was compiled for a rig with SHA-256 {}, this one has {}",
                            plan.name, plan.rig_sha256, rig_.sha256);
   }
-  MESORIG_RETURN_IF_ERROR(chain_.Check());
+  if (plan.sweeps > 0 && !rig_.lines.interlock) {
+    return FailedPrecondition("plan {} has {} sweeps of a laser, and rig {} has no interlock",
+                              plan.name, plan.sweeps, rig_.name);
+  }
+  // A console's start has seen what tripped.
+  const Status permit = safety_.Reset();
   board_.SetChain(chain_.levels());
-  return OkStatus();
+  return permit;
 }
 
 Status SequencerImpl::Begin(SequencerCommand how, SessionJob job) {
@@ -131,13 +165,18 @@ Status SequencerImpl::Begin(SequencerCommand how, SessionJob job) {
 
 Status SequencerImpl::Command(SequencerCommand command, std::string_view reason) {
   MESORIG_RETURN_IF_ERROR(machine_.Check(command));
-  if (command == SequencerCommand::kStart) MESORIG_RETURN_IF_ERROR(chain_.Check());
-  if (command == SequencerCommand::kContinue) MESORIG_RETURN_IF_ERROR(chain_.MayGoOn());
+  if (command == SequencerCommand::kStart || command == SequencerCommand::kContinue) {
+    MESORIG_RETURN_IF_ERROR(safety_.Reset());
+  }
   // A bank that did not answer when the fault came may have left lamps on.
-  if (command == SequencerCommand::kReset) MESORIG_RETURN_IF_ERROR(devices_.lamps->AllOff());
+  if (command == SequencerCommand::kReset) {
+    MESORIG_RETURN_IF_ERROR(devices_.lamps->AllOff());
+    // (What still forbids to energise is told to whoever wants to.)
+    if (const Status permit = safety_.Reset(); !permit.ok()) spdlog::info("{}", Message(permit));
+  }
   MESORIG_RETURN_IF_ERROR(machine_.Give(command, reason));
   if (command == SequencerCommand::kPauseNow || command == SequencerCommand::kAbort) {
-    if (gate_) gate_->Shut();
+    if (safety_.gate() != nullptr) safety_.gate()->Shut();
   }
   Emit(Kind::kState, reason);
   return OkStatus();
@@ -147,8 +186,7 @@ Status SequencerImpl::Stop(std::string_view reason) {
   const bool in_session = InSession(machine_.state());
   (void)machine_.Give(SequencerCommand::kStop, reason);  // every state knows it
   // Not left to the sequencer's thread: it may hang.
-  if (gate_) gate_->Shut();
-  const Status off = devices_.lamps->AllOff();
+  const Status off = safety_.StopNow(reason);
   if (in_session) Emit(Kind::kState, reason);
   return off;
 }
@@ -299,8 +337,9 @@ RunContext SequencerImpl::MakeContext(const SessionJob& job, RigClock::Activity&
   return {clock_,
           rig_,
           devices_,
+          safety_,
           chain_,
-          gate_ ? &*gate_ : nullptr,
+          safety_.gate(),
           desk_,
           activity,
           machine_,
@@ -365,11 +404,13 @@ void SequencerImpl::EndIncomplete(const SessionJob& job, const Status& why, cons
 }  // namespace
 
 std::unique_ptr<Sequencer> Sequencer::Create(RigClock& clock, const Rig& rig, Devices devices,
-                                             std::function<bool()> deterministic) {
+                                             std::function<bool()> deterministic,
+                                             Safety* safety) {
   MESORIG_CHECK(devices.stop != nullptr && devices.lamps != nullptr);
   MESORIG_CHECK(devices.axes.size() == rig.axes.size());
   MESORIG_CHECK(devices.cameras.size() == rig.cameras.size());
-  return std::make_unique<SequencerImpl>(clock, rig, std::move(devices), std::move(deterministic));
+  return std::make_unique<SequencerImpl>(clock, rig, std::move(devices), std::move(deterministic),
+                                         safety);
 }
 
 }  // namespace mesorig::daemon

@@ -15,6 +15,7 @@
 #include "daemon/device/lamp_bank.h"
 #include "daemon/device/line_laser.h"
 #include "daemon/device/stop_flag.h"
+#include "daemon/safety/safety.h"
 #include "daemon/session/session.h"
 #include "protocol/base/clocks.h"
 #include "protocol/plan/plan.h"
@@ -80,19 +81,23 @@ struct SequencerEvent {
 // or on that of a command, and returns quickly.
 class Sequencer {
  public:
-  // `deterministic` tells whether virtual time was the simulator's alone so far.
+  // `deterministic` tells whether virtual time was the simulator's alone so far. `safety`: the
+  // rig's, which outlives the sequencer; null: it makes one of these devices for itself.
   static std::unique_ptr<Sequencer> Create(RigClock& clock, const Rig& rig, Devices devices,
-                                           std::function<bool()> deterministic);
+                                           std::function<bool()> deterministic,
+                                           Safety* safety = nullptr);
   virtual ~Sequencer() = default;
   // What Begin would refuse whatever the session: FailedPrecondition for a state that does not know
-  // the command, and for an open interlock chain; InvalidArgument for a plan of another rig.
+  // the command, for an open interlock chain and whatever else Safety forbids, and for a plan with
+  // a laser on a rig without interlock; InvalidArgument for a plan of another rig. A start clears
+  // of what tripped what a console may clear (Safety::Reset).
   virtual Status CheckBegin(SequencerCommand how, const CompiledPlan& plan) = 0;
   // `how`: kArm, kRun or kResume. Returns at once; refuses as CheckBegin. A session that was
   // refused is the caller's.
   virtual Status Begin(SequencerCommand how, SessionJob job) = 0;
   // `command`: kStart, kPause, kPauseNow, kContinue, kAbort or kReset. Returns when it is ordered,
   // not when it is done (GetStatus tells). FailedPrecondition as the state table says; of kStart
-  // and kContinue also when the chain is open, or was while paused and reset was not pressed since.
+  // and kContinue also when Safety forbids: the chain is open, or was and reset was not pressed.
   // kReset switches the lamps off first: Unavailable when the bank does not answer.
   virtual Status Command(SequencerCommand command, std::string_view reason) = 0;
   // Lamps off and axes quick-stopped, at once; the session ends incomplete. Returns when the lamps
@@ -104,6 +109,8 @@ class Sequencer {
   virtual Status Acknowledge(uint32_t prompt_id) = 0;
   virtual SequencerStatus GetStatus() const = 0;
   virtual void OnEvent(std::function<void(const SequencerEvent&)> listener) = 0;
+  // The rig's. Null of a sequencer that drives none.
+  virtual Safety* safety() { return nullptr; }
 };
 
 }  // namespace mesorig::daemon

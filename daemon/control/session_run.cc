@@ -5,10 +5,11 @@
 namespace mesorig::daemon {
 namespace {
 
-// What a device says when it is gone, silent or was switched off and on; not what a plan got wrong.
+// What a device says when it is gone, silent or was switched off and on; not what a plan got wrong,
+// nor steps that were lost (DataLoss): then a person decides what the frames before are worth.
 bool Recoverable(const Status& status) {
   return !absl::IsCancelled(status) && !absl::IsInvalidArgument(status) &&
-         !absl::IsUnimplemented(status);
+         !absl::IsUnimplemented(status) && !absl::IsDataLoss(status);
 }
 
 }  // namespace
@@ -93,7 +94,7 @@ Status SessionRun::EndByHand(const Status& why) {
       "{}", absl::IsCancelled(why) ? std::string(Message(why)) : context_.machine.message());
   // Hands may be in the rig, or the chain is open: then nothing moves.
   const bool may_move = context_.machine.order() == RunOrder::kAbort &&
-                        !context_.desk.hands_in_the_rig() && context_.chain.MayGoOn().ok();
+                        !context_.desk.hands_in_the_rig() && context_.safety.MayEnergise().ok();
   if (!may_move) return cancelled;
   context_.chain.Arm();
   context_.machine.LowerStop();
@@ -110,7 +111,6 @@ Status SessionRun::Pause(bool for_storage, const std::string& reason) {
   }
   Journal(JournalKind::kPaused, reason);
   context_.chain.Disarm();
-  context_.chain.BeginPause();
   context_.on_state();
   context_.activity.Suspend();
   const Status waited = Continue(for_storage);
@@ -132,7 +132,7 @@ Status SessionRun::Continue(bool for_storage) {
     };
     context_.clock.WaitUntil(kNever, [&] { return left() || (by_itself && storage_->ok); });
     if (context_.machine.state() != SequencerState::kPaused) return OkStatus();
-    Status gone_on = context_.chain.MayGoOn();
+    Status gone_on = context_.safety.MayEnergise();
     if (gone_on.ok()) gone_on = context_.machine.Give(SequencerCommand::kContinue, "");
     if (gone_on.ok() || context_.machine.state() != SequencerState::kPaused) return OkStatus();
     context_.on_note(fmt::format("the disk is fine again; not continued: {}", Message(gone_on)));

@@ -7,6 +7,8 @@ namespace mesorig::daemon {
 namespace {
 
 constexpr int kAttempts = 3;
+constexpr double kPrepareLimit_s = 120;  // the emitter's whole way, there and back
+constexpr double kGateMargin_s = 5;  // what its last frame's readout and a slow bus may take
 constexpr double kRunUpMargin_s = 5;  // beyond what the sweep's way before its first frame takes
 
 }  // namespace
@@ -39,6 +41,7 @@ Status Sweeps::Once(const Step& step, const Stance& stance, Owed& owed, Status& 
   MESORIG_RETURN_IF_ERROR(stance_.Begin(stance));
   const double steps = std::max(1.0, sweep.frames - 1.0);
   const double wanted = (sweep.tilt_to_rad - sweep.tilt_from_rad) / steps * sweep.frame_rate_hz;
+  context_.safety.AliveUntil(context_.clock.Now() + FromSeconds(kPrepareLimit_s));
   MESORIG_RETURN_IF_ERROR(laser.Prepare(sweep.tilt_from_rad, wanted));
   MESORIG_RETURN_IF_ERROR(stance_.Reach(stance));
   MESORIG_ASSIGN_OR_RETURN(auto levels, stance_.ReadLevels());
@@ -61,13 +64,15 @@ Status Sweeps::ShootFrames(const Step& step, double rate_rad_s, Owed& owed, Stat
   const double period_s = (sweep.tilt_to_rad - sweep.tilt_from_rad) / steps / rate;
   MESORIG_RETURN_IF_ERROR(
       laser.AwaitTilt(sweep.tilt_from_rad, context_.clock.Now() + FromSeconds(kRunUpMargin_s)));
-  MESORIG_RETURN_IF_ERROR(context_.gate->Open());
+  MESORIG_RETURN_IF_ERROR(
+      context_.gate->Open(context_.clock.Now() + FromSeconds(sweep.frames * period_s + kGateMargin_s)));
   const RigTime start = context_.clock.Now();
   for (uint32_t i = 0; i < sweep.frames; ++i) {
     const Status waited =
         context_.devices.stop->Wait(start + FromSeconds(i * period_s), [] { return false; });
     if (absl::IsCancelled(waited)) return waited;
     context_.gate->Progress();
+    context_.safety.Alive();
     if (owed[i].empty()) continue;
     MESORIG_RETURN_IF_ERROR(
         ShootFrame(step, i, start + FromSeconds((i + 1) * period_s), owed[i], missing));

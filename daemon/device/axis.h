@@ -17,6 +17,7 @@ struct AxisReading {
   bool referenced = false;  // homed since power-on
   bool moving = false;
   bool fault = false;
+  bool torque = false;  // by what the drive said last, and it still speaks
 };
 
 class Axis {
@@ -31,7 +32,8 @@ class Axis {
   virtual Status Disable() = 0;
   // Begins to search the reference and returns. FailedPrecondition when not enabled.
   virtual Status StartHoming() = 0;
-  // Blocks until the reference is found; errors as AwaitMove.
+  // Blocks until the reference is found; errors as AwaitMove. DataLoss: it was found, but not where
+  // the count of the reference before had it (Axis::reference_tolerance_rad): steps were lost since.
   virtual Status AwaitHoming(RigTime deadline) = 0;
   // Begins a move and returns. InvalidArgument beyond the soft limits; FailedPrecondition when not
   // enabled or not referenced.
@@ -44,10 +46,11 @@ class Axis {
   // OK while the axis stands where the last move (or homing) put it, with torque, by what the drive
   // said last; else Unavailable as AwaitMove. For the instants around an exposure.
   virtual Status CheckHolds() const { return {}; }
-  // Commands the fastest permitted deceleration and returns without waiting. Callable at any time
-  // from the owning thread, also while the StopFlag is raised.
+  // Commands the fastest permitted deceleration, after which the drive switches torque off by
+  // itself, and returns without waiting. Callable at any time from any thread, also while the
+  // StopFlag is raised or the owner is inside another call.
   virtual Status QuickStop() = 0;
-  // The last reading; never a commanded value.
+  // The last reading; never a commanded value. Any thread.
   virtual AxisReading Read() const = 0;
 };
 

@@ -8,7 +8,13 @@
 
 namespace mesorig::daemon {
 
-// Owned and called by one rig thread, except AllOff, which any thread may call.
+// What Safety watches.
+struct LampReadings {
+  std::vector<double> levels;     // as ReadLevels
+  std::vector<double> housing_c;  // of each lamp's housing; empty: the bank does not measure it
+};
+
+// Owned and called by one rig thread, except AllOff, which any thread may call, and Watch.
 class LampBank {
  public:
   virtual ~LampBank() = default;
@@ -21,6 +27,10 @@ class LampBank {
   // Light level of each of the rig's lamps, 0..1 of full flux, read back now. In the order of
   // Rig::lamps.
   virtual StatusOr<std::vector<double>> ReadLevels() = 0;
+  // For the safety thread, a rig thread that is not the owner: no sign of life of whoever lit a
+  // lamp. Unavailable also when the bank is left to its communication-loss timeout; Unimplemented
+  // for a bank that cannot be watched.
+  virtual StatusOr<LampReadings> Watch() { return Unimplemented("the lamp bank cannot be watched"); }
   // Goes to the head of the bus's queue.
   virtual Status AllOff() = 0;
 };

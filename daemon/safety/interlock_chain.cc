@@ -3,22 +3,34 @@
 namespace mesorig::daemon {
 namespace {
 
+constexpr int kReadAttempts = 4;
 constexpr std::string_view kEstop = "emergency stop", kDoor = "door";
 
 }  // namespace
 
 InterlockChain::InterlockChain(RigClock& clock, DigitalLines* lines, const Lines& numbers,
-                               StopFlag& stop)
-    : clock_(clock), lines_(lines), numbers_(numbers), stop_(stop) {
+                               StopFlag& stop, Watcher watcher)
+    : clock_(clock),
+      lines_(lines),
+      numbers_(numbers),
+      stop_(stop),
+      watcher_(std::move(watcher)) {
   if (lines_ == nullptr) return;
-  lines_->OnEdge([this](int line, bool level, RigTime when) {
-    NoteVisitInsideChange(line, level);
-    NotePauseInsideChange(line, level);
-    const bool of_chain = line == numbers_.estop || line == numbers_.door;
-    if (level || !of_chain) return;
+  lines_->OnEdge(
+      [this](int line, bool level, RigTime when) { NoteEdgeInsideChange(line, level, when); });
+}
+
+void InterlockChain::NoteEdgeInsideChange(int line, bool level, RigTime when) {
+  ++edges_;
+  NoteVisitInsideChange(line, level);
+  if (line == numbers_.estop) now_.estop = level;
+  if (line == numbers_.door) now_.door = level;
+  const bool of_chain = line == numbers_.estop || line == numbers_.door;
+  if (of_chain && !level) {
     LatchInsideChange(fmt::format("interlock chain: {} (line {}) opened at {:.3f} s",
                                   line == numbers_.estop ? kEstop : kDoor, line, Seconds(when)));
-  });
+  }
+  if (watcher_) watcher_(now_, line == numbers_.reset && level);
 }
 
 InterlockChain::~InterlockChain() {
@@ -50,14 +62,18 @@ void InterlockChain::NoteVisitInsideChange(int line, bool level) {
   if (line == numbers_.reset && level && visit_.door_cycled) visit_.reset = true;
 }
 
-Status InterlockChain::ReadLine(int line, std::string_view line_name, bool& closed) {
-  closed = false;
+Status InterlockChain::ReadLine(int line, std::string_view line_name, Levels& levels,
+                                bool& closed) {
+  closed = !numbers_.interlock;
+  if (closed) return OkStatus();
   if (lines_ == nullptr) {
+    levels.readable = false;
     return FailedPrecondition("interlock chain: {} (line {}) cannot be read: the rig has no lines",
                               line_name, line);
   }
   const auto level = lines_->Read(line);
   if (!level.ok()) {
+    levels.readable = false;
     return FailedPrecondition("interlock chain: {} (line {}) cannot be read, so it is open: {}",
                               line_name, line, Message(level.status()));
   }
@@ -67,19 +83,26 @@ Status InterlockChain::ReadLine(int line, std::string_view line_name, bool& clos
 }
 
 Status InterlockChain::Check() {
-  Levels levels;
-  const Status estop = ReadLine(numbers_.estop, kEstop, levels.estop);
-  const Status door = ReadLine(numbers_.door, kDoor, levels.door);
-  levels.read_at = clock_.Now();
-  const Status status = estop.ok() ? door : estop;
-  clock_.Change([&] {
-    levels_ = levels;
-    estop_closed_ = levels.estop;
-    door_closed_ = levels.door;
-    needs_reset_ = needs_reset_ || (paused_ && !status.ok());
-    if (!status.ok()) LatchInsideChange(std::string(Message(status)));
-  });
-  return status;
+  for (int attempt = 1;; ++attempt) {
+    Levels levels;
+    levels.readable = true;
+    uint64_t edges = 0;
+    clock_.Read([&] { edges = edges_; });
+    const Status estop = ReadLine(numbers_.estop, kEstop, levels, levels.estop);
+    const Status door = ReadLine(numbers_.door, kDoor, levels, levels.door);
+    levels.read_at = clock_.Now();
+    const Status status = estop.ok() ? door : estop;
+    bool moved = false;
+    clock_.Change([&] {
+      // What changed while it was read is newer: an old "open" must not undo a reset.
+      moved = edges_ != edges && attempt < kReadAttempts;
+      if (moved) return;
+      levels_ = now_ = levels;
+      if (!status.ok()) LatchInsideChange(std::string(Message(status)));
+      if (watcher_) watcher_(now_, false);
+    });
+    if (!moved) return status;
+  }
 }
 
 InterlockChain::Levels InterlockChain::levels() const {
@@ -88,35 +111,8 @@ InterlockChain::Levels InterlockChain::levels() const {
   return levels;
 }
 
-void InterlockChain::NotePauseInsideChange(int line, bool level) {
-  if (line == numbers_.estop) estop_closed_ = level;
-  if (line == numbers_.door) door_closed_ = level;
-  const bool closed = estop_closed_ && door_closed_;
-  if (paused_ && !closed) needs_reset_ = true;
-  if (line == numbers_.reset && level && closed) needs_reset_ = false;
-}
-
-void InterlockChain::BeginPause() {
-  clock_.Change([&] {
-    paused_ = true;
-    needs_reset_ = false;
-  });
-  (void)Check();  // one that is open already asks for reset as well
-}
-
-Status InterlockChain::MayGoOn() {
-  MESORIG_RETURN_IF_ERROR(Check());
-  bool needs_reset = false;
-  clock_.Read([&] { needs_reset = needs_reset_; });
-  if (!needs_reset) return OkStatus();
-  return FailedPrecondition(
-      "interlock chain: it was opened during the pause; press reset (line {}) at the rig",
-      numbers_.reset);
-}
-
 void InterlockChain::Arm() {
   clock_.Change([&] {
-    paused_ = needs_reset_ = false;
     armed_ = true;
     opening_.clear();
   });

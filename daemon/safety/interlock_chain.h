@@ -2,8 +2,11 @@
 // The interlock chain: e-stop and door, two normally closed lines, read by level. A line that
 // cannot be read is open. While armed (a plan runs) an opening is latched and raises the StopFlag:
 // that the chain closes again a moment later does not bring the plan back. Edges only make it
-// quicker; Check reads levels.
+// quicker; Check reads levels. What may be energised again, and when, is Safety's (safety.h), which
+// owns the chain and sees all that it sees.
 
+#include <cstdint>
+#include <functional>
 #include <string>
 
 #include "daemon/device/digital_lines.h"
@@ -17,11 +20,17 @@ class InterlockChain {
  public:
   struct Levels {
     bool estop = false, door = false;  // true: closed
+    bool readable = false;             // both; a line that is not is open
     RigTime read_at{};
   };
+  // Under the clock's lock (inside Change), after each Check and edge: what the lines say, and
+  // whether reset was pressed just now.
+  using Watcher = std::function<void(const Levels& levels, bool reset_edge)>;
 
-  // `lines` may be null: a rig whose chain cannot be read has an open one.
-  InterlockChain(RigClock& clock, DigitalLines* lines, const Lines& numbers, StopFlag& stop);
+  // `lines` may be null: a rig whose chain cannot be read has an open one. A rig without interlock
+  // (Lines::interlock) has one that is always closed.
+  InterlockChain(RigClock& clock, DigitalLines* lines, const Lines& numbers, StopFlag& stop,
+                 Watcher watcher = nullptr);
   ~InterlockChain();
 
   // Reads both levels now. FailedPrecondition names the line that is open or why it cannot be read;
@@ -38,36 +47,32 @@ class InterlockChain {
   void BeginVisit();
   Visit VisitInsideChange() const { return visit_; }
 
-  // A pause begins: from now on an opening asks for reset at the rig, pressed with the chain
-  // closed.
-  void BeginPause();
-  // Reads the chain. FailedPrecondition while it is open, and when it was since BeginPause and
-  // reset was not pressed after it closed.
-  Status MayGoOn();
-
-  void Arm();  // forgets what was latched, and the pause
+  void Arm();  // forgets what was latched
   void Disarm();
   // OK, or FailedPrecondition with the first opening since Arm.
   Status Opening() const;
+  // Something else than the chain forbids to go on: as an opening.
+  void TripInsideChange(std::string why) { LatchInsideChange(std::move(why)); }
 
  private:
   void NoteVisitInsideChange(int line, bool level);
-  void NotePauseInsideChange(int line, bool level);
-  Status ReadLine(int line, std::string_view line_name, bool& closed);
+  void NoteEdgeInsideChange(int line, bool level, RigTime when);
+  Status ReadLine(int line, std::string_view line_name, Levels& levels, bool& closed);
   void LatchInsideChange(std::string opening);
 
   RigClock& clock_;
   DigitalLines* const lines_;
   const Lines numbers_;
   StopFlag& stop_;
+  const Watcher watcher_;
   // Guarded by the clock's lock:
   bool armed_ = false;
   std::string opening_;  // empty: none
   Levels levels_;
   Visit visit_;
   bool door_opened_ = false;  // since BeginVisit
-  bool paused_ = false, needs_reset_ = false;
-  bool estop_closed_ = true, door_closed_ = true;  // in a pause, by edges and Check
+  uint64_t edges_ = 0;         // so far, of any line
+  Levels now_;                 // of the last Check or edge
 };
 
 }  // namespace mesorig::daemon

@@ -10,11 +10,13 @@ constexpr double kLevelMargin_s = 0.1;
 
 }  // namespace
 
-LaserGate::LaserGate(RigClock& clock, DigitalLines* lines, const Lines& numbers, StopFlag& stop)
+LaserGate::LaserGate(RigClock& clock, DigitalLines* lines, const Lines& numbers, StopFlag& stop,
+                     std::function<Status()> permit)
     : clock_(clock),
       lines_(lines),
       numbers_(numbers),
       stop_(stop),
+      permit_(std::move(permit)),
       thread_(clock, "laser gate", [this] { Loop(); }) {}
 
 LaserGate::~LaserGate() {
@@ -31,17 +33,20 @@ void LaserGate::Loop() {
   for (;;) {
     clock_.WaitUntil(due, [&] { return ending_ || open_ != (due != kNever); });
     const RigTime now = clock_.Now();
-    bool pet = false, hung = false, ending = false;
+    const Status permitted = permit_ ? permit_() : OkStatus();
+    bool pet = false, hung = false, late = false, ending = false;
     clock_.Change([&] {
       ending = ending_;
       hung = open_ && now - progress_ > FromSeconds(kProgressLimit_s);
-      if (hung || stop_.RaisedInsideChange()) open_ = false;
+      late = open_ && now > until_;
+      if (hung || late || !permitted.ok() || stop_.RaisedInsideChange()) open_ = false;
       pet = (open_ && (due == kNever || now >= due)) || (shut_at_ == due && now == due);
       due = !open_ ? kNever : pet ? now + FromSeconds(kPetPeriod_s) : due;
     });
     if (ending) return;
     if (hung) Log("safety").error("laser gate: no progress for {} s: no more edges", kProgressLimit_s);
-    if (!pet) continue;
+    if (late) Log("safety").error("laser gate: open beyond the end of its sweep: no more edges");
+    if (!pet || !permitted.ok()) continue;
     Status status = lines_->Write(numbers_.laser_trigger, true);
     if (status.ok()) status = lines_->Write(numbers_.laser_trigger, false);
     if (status.ok()) continue;
@@ -71,15 +76,23 @@ Status LaserGate::AwaitLevel(bool on) {
   }
 }
 
-Status LaserGate::Open() {
+Status LaserGate::Open(RigTime until) {
   MESORIG_RETURN_IF_ERROR(Shines().status());
   MESORIG_RETURN_IF_ERROR(stop_.Check());
+  if (permit_) MESORIG_RETURN_IF_ERROR(Annotate(permit_(), "laser gate"));
   const RigTime now = clock_.Now();
   clock_.Change([&] {
     open_ = true;
+    until_ = until;
     progress_ = now;
   });
   return AwaitLevel(true);
+}
+
+bool LaserGate::open() const {
+  bool open = false;
+  clock_.Read([&] { open = open_; });
+  return open;
 }
 
 void LaserGate::Progress() {

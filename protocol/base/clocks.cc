@@ -50,6 +50,7 @@ bool RigClock::WaitUntil(RigTime deadline, const std::function<bool()>& ready) {
   if (NowLocked() >= deadline) return false;
   Entry& entry = EntryOfThisThreadLocked();
   entry.waiting = true;
+  entry.disowned = false;
   entry.deadline = deadline;
   entry.ready = &ready;
   OnChangeLocked(lock);
@@ -83,6 +84,16 @@ std::vector<RigClock::Runner> RigClock::Runners() const {
   return runners;
 }
 
+void RigClock::Disown(std::string_view name) {
+  std::unique_lock lock(mutex_);
+  for (Entry& entry : entries_) {
+    if (entry.waiting || entry.name != name) continue;
+    entry.disowned = true;
+    OnDisownLocked();
+  }
+  OnChangeLocked(lock);
+}
+
 void RigClock::WakeReadyLocked() {
   const RigTime now = NowLocked();
   for (Entry& entry : entries_) {
@@ -103,7 +114,7 @@ std::vector<RigClock::Entry*> RigClock::WaitingLocked() {
 
 bool RigClock::QuiescentLocked() const {
   return ActiveLocked() && std::all_of(entries_.begin(), entries_.end(),
-                                       [](const Entry& entry) { return entry.waiting; });
+                                       [](const Entry& entry) { return entry.waiting || entry.disowned; });
 }
 
 RigTime RigClock::EarliestDeadlineLocked() const {

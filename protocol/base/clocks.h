@@ -19,6 +19,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -95,12 +96,16 @@ class RigClock {
     std::chrono::nanoseconds running;
   };
   std::vector<Runner> Runners() const;
+  // The member of that name hangs: until it waits again time does not wait for it. What then
+  // happens is not reproducible any more.
+  void Disown(std::string_view name);
 
  protected:
   struct Entry {
     std::string name;
     std::thread::id thread;
     bool waiting = false;
+    bool disowned = false;
     RigTime deadline{};
     const std::function<bool()>* ready = nullptr;
     std::condition_variable wake;
@@ -110,6 +115,8 @@ class RigClock {
   virtual RigTime NowLocked() const = 0;
   // A member went to wait, an activity began or ended, or something was changed.
   virtual void OnChangeLocked(std::unique_lock<std::mutex>& lock) = 0;
+  // A member was disowned.
+  virtual void OnDisownLocked() {}
   // Waits on `entry.wake` until `entry.waiting` is false; real clocks also look at the time.
   virtual void BlockLocked(std::unique_lock<std::mutex>& lock, Entry& entry) = 0;
 
@@ -117,7 +124,7 @@ class RigClock {
   void WakeReadyLocked();
   // Those that wait, for a clock whose way of waiting changes.
   std::vector<Entry*> WaitingLocked();
-  // Every member waits, and at least one activity is on.
+  // Every member (but those disowned) waits, and at least one activity is on.
   bool QuiescentLocked() const;
   RigTime EarliestDeadlineLocked() const;
   Pace PaceLocked() const { return real_time_activities_ > 0 ? Pace::kRealTime : Pace::kFree; }

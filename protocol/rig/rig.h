@@ -30,6 +30,8 @@ struct Axis {
   double acceleration_rad_s2 = 0;
   double homing_velocity_rad_s = 0;
   double settle_s = 0;  // vibration after each of its moves dies down in this time
+  // Homing again finds the reference this near to where the count says it is, or steps were lost.
+  double reference_tolerance_rad = 0;
 };
 
 struct Frame {
@@ -128,14 +130,22 @@ struct Laser {
 struct LampBank {
   int unit = 1;          // Modbus unit id
   double timeout_s = 0;  // communication-loss timeout: all lamps off
+  // Of every lamp's housing, which the bank measures (input registers after those of the flux,
+  // tenths of a degree); 0: it does not.
+  double max_housing_c = 0;
+  double rated_hours = 0;  // of a bulb; 0: not told
 };
 
 // Digital lines by number. Inputs are normally closed: level 1 is closed (good), 0 open. A rig
 // with a laser has two more: each rising edge of `laser_trigger` (output) holds the laser on for
 // kLaserOneShot_s, so that a steady level is off; `laser_on` (input) reads 1 while it shines.
+// `power` reads 1 while the contactor is closed. A rig without `interlock` has none of the first
+// three: its chain counts as closed, and no plan with a laser runs on it.
 struct Lines {
   int estop = 0, door = 1, reset = 2;
   int laser_trigger = -1, laser_on = -1;
+  int power = -1;  // -1: it cannot be read back
+  bool interlock = true;
 };
 inline constexpr double kLaserOneShot_s = 0.25;
 

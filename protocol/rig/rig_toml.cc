@@ -35,6 +35,7 @@ Axis ReadAxis(TomlTable t) {
   axis.acceleration_rad_s2 = RadFromDeg(t.Number("acceleration_deg_s2", {0.001, 36000}));
   axis.homing_velocity_rad_s = RadFromDeg(t.Number("homing_velocity_deg_s", {0.001, 3600}));
   axis.settle_s = t.NumberOr("settle_s", 0, {0, 600});
+  axis.reference_tolerance_rad = RadFromDeg(t.NumberOr("reference_tolerance_deg", 0.1, {0, 360}));
   return axis;
 }
 
@@ -183,6 +184,18 @@ Laser ReadLaser(TomlTable t, const Rig& rig) {
   return laser;
 }
 
+void ReadLines(TomlTable t, Lines& lines) {
+  lines.interlock = t.BoolOr("interlock", true);
+  if (t.Has("power")) lines.power = static_cast<int>(t.Integer("power", {0, 63}));
+  if (!lines.interlock) {
+    lines.estop = lines.door = lines.reset = -1;
+    return;
+  }
+  lines.estop = static_cast<int>(t.Integer("estop", {0, 63}));
+  lines.door = static_cast<int>(t.Integer("door", {0, 63}));
+  lines.reset = static_cast<int>(t.Integer("reset", {0, 63}));
+}
+
 void ReadLaserSection(TomlTable root, Rig& rig) {
   if (root.Has("turntable")) {
     TomlTable t = root.Table("turntable");
@@ -200,9 +213,12 @@ void CheckUnique(TomlTable root, const Rig& rig) {
   Unique<std::string> axes, frames, lamps, cameras, serials;
   Unique<int> nodes, channels, lines;
   TomlTable line_table = root.Table("lines");
-  lines.Add(line_table, "estop", rig.lines.estop);
-  lines.Add(line_table, "door", rig.lines.door);
-  lines.Add(line_table, "reset", rig.lines.reset);
+  if (rig.lines.interlock) {
+    lines.Add(line_table, "estop", rig.lines.estop);
+    lines.Add(line_table, "door", rig.lines.door);
+    lines.Add(line_table, "reset", rig.lines.reset);
+  }
+  if (rig.lines.power >= 0) lines.Add(line_table, "power", rig.lines.power);
   size_t i = 0;
   if (rig.laser) {
     lines.Add(line_table, "laser_trigger", rig.lines.laser_trigger);
@@ -251,10 +267,9 @@ StatusOr<Rig> ParseRig(std::string_view text, std::string_view name) {
   TomlTable bank = root.Table("lamp_bank");
   rig.lamp_bank.unit = static_cast<int>(bank.Integer("unit", {1, 247}));
   rig.lamp_bank.timeout_s = bank.Number("timeout_s", {0.05, 60});
-  TomlTable lines = root.Table("lines");
-  rig.lines.estop = static_cast<int>(lines.Integer("estop", {0, 63}));
-  rig.lines.door = static_cast<int>(lines.Integer("door", {0, 63}));
-  rig.lines.reset = static_cast<int>(lines.Integer("reset", {0, 63}));
+  if (bank.Has("max_housing_c")) rig.lamp_bank.max_housing_c = bank.Number("max_housing_c", {30, 1000});
+  if (bank.Has("rated_hours")) rig.lamp_bank.rated_hours = bank.Number("rated_hours", {1, 1e6});
+  ReadLines(root.Table("lines"), rig.lines);
   ReadLaserSection(root, rig);
   CheckUnique(root, rig);
   MESORIG_RETURN_IF_ERROR(file.Finish());

@@ -60,6 +60,7 @@ class SimLink final : public RigClock {
   RigTime NowLocked() const override;
   void OnChangeLocked(std::unique_lock<std::mutex>& lock) override;
   void BlockLocked(std::unique_lock<std::mutex>& lock, Entry& entry) override;
+  void OnDisownLocked() override { deterministic_ = false; }
 
  private:
   struct Posted {

@@ -21,6 +21,7 @@ struct RunOptions {
   int samples_per_side = 2;
   int cache_mb = 512;
   std::string log, faults;
+  bool no_reset = false;
 };
 
 // SIGINT and SIGTERM, waited for by a thread of its own: handlers can do next to nothing.
@@ -65,7 +66,8 @@ Status Run(const RunOptions& options) {
   if (!options.log.empty()) {
     MESORIG_ASSIGN_OR_RETURN(log, RigLog::Create(options.log));
   }
-  WorldRig world_rig(rig, *world, options.seed, image_options, log.get());
+  WorldRig world_rig(rig, *world, options.seed, image_options, log.get(),
+                     !options.no_reset);
   MESORIG_ASSIGN_OR_RETURN(auto slave, LampSlave::Listen(world_rig.lamps(), rig.lamp_bank.unit,
                                                         world_rig.devices().Find("lamps")));
   MESORIG_ASSIGN_OR_RETURN(auto listener, sim_wire::Listen(endpoint.socket_path()));
@@ -114,8 +116,11 @@ Command AddRunCommand(CLI::App& app) {
   run->add_option("--faults", options->faults,
                   "Script of faults: lines `at SECONDS DEVICE FAULT...` in virtual time\n"
                   "(`mesorig-sim inject --help` lists the faults)");
+  run->add_flag("--no-reset", options->no_reset,
+                "Begin as a rig that was just switched on: nothing has power until somebody presses\n"
+                "reset (`mesorig-sim inject lines reset`); otherwise somebody has");
   run->add_option("--log", options->log,
-                  "Write what really happens at the rig: laser on and off, axes, contactor, mount, faults "
+                  "Write what really happens at the rig: laser, lamps, torque, axes, contactor, mount, faults "
                   "(tab-separated, one line an event)");
   return {run, [options] { return Run(*options); }};
 }

@@ -5,7 +5,7 @@
 namespace mesorig::simulator {
 
 WorldRig::WorldRig(const Rig& rig, const world::World& world, uint64_t seed,
-                   world::ImageOptions options, RigLog* log)
+                   world::ImageOptions options, RigLog* log, bool reset_pressed)
     : rig_(rig),
       seed_(seed),
       can_(rig, seed, contactor_),
@@ -22,6 +22,10 @@ WorldRig::WorldRig(const Rig& rig, const world::World& world, uint64_t seed,
   devices.push_back(&lines_);
   for (const auto& camera : cameras_) devices.push_back(camera.get());
   devices_ = std::make_unique<FaultyDevices>(devices);
+  if (!reset_pressed) {
+    contactor_.SetChain(false, {});
+    contactor_.SetChain(true, {});
+  }
   if (log != nullptr) LogTo(*log);
 }
 
@@ -33,6 +37,12 @@ void WorldRig::LogTo(RigLog& log) {
   for (const Axis& axis : rig_.axes) log.Write({}, "axis " + axis.name, "stands");
   can_.OnMotion([this, &log](size_t axis, bool moves, RigTime now) {
     log.Write(now, "axis " + rig_.axes[axis].name, moves ? "moves" : "stands");
+  });
+  can_.OnTorque([this, &log](size_t axis, bool on, RigTime now) {
+    log.Write(now, "torque " + rig_.axes[axis].name, on ? "on" : "off");
+  });
+  lamps_.OnPower([this, &log](size_t lamp, bool on, RigTime now) {
+    log.Write(now, "lamp " + rig_.lamps[lamp].name, on ? "on" : "off");
   });
   if (!laser_) return;
   log.Write({}, "mount", rig_.laser->mounts[laser_->mount()].name);

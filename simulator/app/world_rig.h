@@ -23,9 +23,10 @@ namespace mesorig::simulator {
 // Owns all devices; the world, the rig and the log are borrowed. Called by the dispatcher only.
 class WorldRig final : public ImageSource {
  public:
-  // log: optional.
+  // log: optional. reset_pressed: somebody did after switching the rig on, so that its contactor is
+  // closed.
   WorldRig(const Rig& rig, const world::World& world, uint64_t seed, world::ImageOptions options,
-           RigLog* log = nullptr);
+           RigLog* log = nullptr, bool reset_pressed = true);
 
   // In the order of effects within an instant: can, lamps, nxt (with a laser), lines, cameras.
   // Each with what can go wrong on its way around it.

@@ -3,7 +3,7 @@
 // tabs after a first line that names them:
 //
 //   time_s       of the rig, nine decimals, never going back
-//   what         laser | axis NAME | contactor | mount | motor | injected
+//   what         laser | lamp NAME | torque AXIS | axis NAME | contactor | mount | motor | injected
 //   event        on, off | moves, stands | closed, open | NAME | run N %, brake, coast | a fault's or
 //                hand's words (simulator/devices/README.md)
 //

@@ -12,6 +12,7 @@ namespace mesorig::daemon::cia402 {
 namespace {
 
 constexpr int16_t kAbortIsFault = 1;
+constexpr int16_t kStopThenTorqueOff = 2;  // on the quick stop ramp, then "switch on disabled"
 constexpr RigTime kEmergencyDelay{20'000'000};  // an emergency may follow its fault's statusword
 constexpr int kDisableAttempts = 3;
 constexpr double kLimitSlack_rad = 1e-9;  // limits and targets both come from degrees
@@ -76,6 +77,7 @@ RigTime Cia402Axis::HeartbeatLimit() const {
 
 AxisReading Cia402Axis::Read() const {
   AxisReading reading;
+  const RigTime now = clock_.Now();
   clock_.Read([&] {
     const DriveState state = StateOf(seen_.statusword);
     reading.position_rad = seen_.position / CountsPerRad();
@@ -85,6 +87,9 @@ AxisReading Cia402Axis::Read() const {
     reading.moving = state == DriveState::kQuickStopActive ||
                      (reading.enabled && (seen_.statusword & kTargetReached) == 0);
     reading.fault = state == DriveState::kFault || state == DriveState::kFaultReactionActive;
+    reading.torque = (state == DriveState::kOperationEnabled ||
+                      state == DriveState::kQuickStopActive) &&
+                     now < seen_.heard_at + HeartbeatLimit();
   });
   return reading;
 }
@@ -152,6 +157,7 @@ Status Cia402Axis::WriteSettings() {
       {kConsumerHeartbeat, ConsumerHeartbeat()},
       {kProducerHeartbeat, period_ms},
       {kAbortOption, static_cast<uint16_t>(kAbortIsFault)},
+      {kQuickStopOption, static_cast<uint16_t>(kStopThenTorqueOff)},
       {kFollowingErrorWindow, Counts(options_.following_window_rad)},
       {kProfileVelocity, Counts(axis_.max_velocity_rad_s)},
       {kProfileAcceleration, acceleration},
@@ -251,7 +257,7 @@ Status Cia402Axis::StartMove(double target_rad) {
     return InvalidArgument("{}: target of {:.0f} counts does not fit 32 bits", device_, counts);
   }
   MESORIG_RETURN_IF_ERROR(CheckReady(true));
-  target_ = static_cast<int32_t>(counts);
+  clock_.Change([&] { target_ = static_cast<int32_t>(counts); });
 
   // Set-point handshake (CiA 402-2, profile position): the acknowledge of the last one is gone,
   // bit 4 rises, the drive acknowledges, bit 4 falls.
@@ -311,6 +317,7 @@ Status Cia402Axis::CheckHolds() const {
 
 Status Cia402Axis::StartHoming() {
   MESORIG_RETURN_IF_ERROR(CheckReady(false));
+  had_reference_ = Read().referenced;
   clock_.Change([&] { referenced_ = false; });
   MESORIG_RETURN_IF_ERROR(sdo_.Write(kModeOfOperation, kHomingMode));
   return sdo_.Write(kControlword, kEnableOperation | kStartBit);
@@ -332,7 +339,24 @@ Status Cia402Axis::AwaitHoming(RigTime deadline) {
     referenced_ = true;
     target_ = seen_.position;
   });
-  return OkStatus();
+  return CheckReferenceFound();
+}
+
+// (The new reference is good; what was done since the last one may not be.)
+Status Cia402Axis::CheckReferenceFound() {
+  if (!std::exchange(had_reference_, false)) return OkStatus();
+  const auto found = sdo_.Read(kReferenceFound);
+  if (!found.ok()) {
+    // A drive without this object cannot tell.
+    return absl::IsUnavailable(found.status()) ? OkStatus() : found.status();
+  }
+  const double off_rad = static_cast<int32_t>(*found) / CountsPerRad();
+  if (std::abs(off_rad) <= axis_.reference_tolerance_rad) return OkStatus();
+  return DataLoss(
+      "{}: homing found the reference at {:.4f} deg by the count, permitted is 0 within {:g} deg: "
+      "steps were lost, or the axis slipped, since it was homed last; what was measured since then "
+      "may have been measured elsewhere",
+      device_, DegFromRad(off_rad), DegFromRad(axis_.reference_tolerance_rad));
 }
 
 Status Cia402Axis::AwaitStatus(RigTime deadline, const std::function<bool(uint16_t)>& done,
@@ -383,11 +407,13 @@ Status Cia402Axis::WhyNotRunning() {
 
 Status Cia402Axis::QuickStop() {
   bool known = false;
+  int32_t target = 0;
   clock_.Change([&] {
     known = started_;
     quick_stopping_ = known;
+    target = target_;
   });
-  return known ? SendSetPoint(kQuickStopCommand, target_) : OkStatus();
+  return known ? SendSetPoint(kQuickStopCommand, target) : OkStatus();
 }
 
 Status Cia402Axis::Disable() {

@@ -79,6 +79,7 @@ class Cia402Axis final : public Axis {
   Status CheckPosition(const Seen& now_seen) const;  // against the target
   std::string Angles(int32_t position) const;  // "commanded 30 deg, stands at 12 deg"
   Status CheckReady(bool needs_reference) const;
+  Status CheckReferenceFound();
 
   double CountsPerRad() const;
   uint32_t Counts(double rad) const;  // of a velocity or acceleration, at least 1
@@ -96,6 +97,7 @@ class Cia402Axis final : public Axis {
 
   // Of the owner, guarded by the clock's lock where Read() looks at them from a status request.
   bool started_ = false, enabled_ = false, referenced_ = false, quick_stopping_ = false;
+  bool had_reference_ = false;  // when homing began: the count must find it where it is
   uint32_t boots_at_enable_ = 0;
   int32_t target_ = 0;  // counts, of the last set-point
 };

@@ -16,7 +16,10 @@ struct Object {
 
 inline constexpr Object kConsumerHeartbeat{0x1016, 1, 4, "consumer heartbeat time"};
 inline constexpr Object kProducerHeartbeat{0x1017, 0, 2, "producer heartbeat time"};
+// Manufacturer's: where the last homing found the reference, by the count before it.
+inline constexpr Object kReferenceFound{0x2001, 0, 4, "reference found at"};
 inline constexpr Object kAbortOption{0x6007, 0, 2, "abort connection option code"};
+inline constexpr Object kQuickStopOption{0x605A, 0, 2, "quick stop option code"};
 inline constexpr Object kControlword{0x6040, 0, 2, "controlword"};
 inline constexpr Object kStatusword{0x6041, 0, 2, "statusword"};
 inline constexpr Object kModeOfOperation{0x6060, 0, 1, "modes of operation"};

@@ -9,11 +9,13 @@ namespace mesorig::daemon::modbus_lamps {
 namespace {
 
 constexpr double kFullFlux = 1000;       // register value
+constexpr double kTenthsOfADegree = 10;  // likewise, Celsius
 constexpr uint16_t kLargestFlux = 2000;  // a new lamp is a little over its rating; more is no flux
 
 }  // namespace
 
-ModbusLamps::ModbusLamps(ModbusBus& bus, const Rig& rig) : bus_(bus) {
+ModbusLamps::ModbusLamps(ModbusBus& bus, const Rig& rig)
+    : bus_(bus), measures_heat_(rig.lamp_bank.max_housing_c > 0) {
   for (const Lamp& lamp : rig.lamps) {
     channel_of_lamp_.push_back(lamp.channel);
     channels_ = std::max(channels_, lamp.channel + 1);
@@ -40,9 +42,13 @@ StatusOr<std::vector<double>> ModbusLamps::ReadLevels() {
   if (channels_ == 0) return std::vector<double>();
   const auto registers = bus_.ReadInputRegisters(0, channels_);
   if (!registers.ok()) return Annotate(registers.status(), "lamp bank");
+  return Levels(*registers);
+}
+
+StatusOr<std::vector<double>> ModbusLamps::Levels(const std::vector<uint16_t>& registers) const {
   std::vector<double> levels;
   for (const int channel : channel_of_lamp_) {
-    const uint16_t flux = (*registers)[channel];
+    const uint16_t flux = registers[channel];
     if (flux > kLargestFlux) {
       return Unavailable("lamp bank: channel {} reads {} per mille, which is not in [0, {}]",
                          channel, flux, kLargestFlux);
@@ -50,6 +56,19 @@ StatusOr<std::vector<double>> ModbusLamps::ReadLevels() {
     levels.push_back(flux / kFullFlux);
   }
   return levels;
+}
+
+StatusOr<LampReadings> ModbusLamps::Watch() {
+  LampReadings readings;
+  if (channels_ == 0) return readings;
+  const auto registers = bus_.LookAtInputRegisters(0, measures_heat_ ? 2 * channels_ : channels_);
+  if (!registers.ok()) return Annotate(registers.status(), "lamp bank");
+  MESORIG_ASSIGN_OR_RETURN(readings.levels, Levels(*registers));
+  if (!measures_heat_) return readings;
+  for (const int channel : channel_of_lamp_) {
+    readings.housing_c.push_back((*registers)[channels_ + channel] / kTenthsOfADegree);
+  }
+  return readings;
 }
 
 Status ModbusLamps::AllOff() {

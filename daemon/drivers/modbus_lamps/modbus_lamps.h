@@ -17,10 +17,13 @@ class ModbusLamps final : public LampBank {
   Status Open() override;
   Status SwitchTo(int channel) override;
   StatusOr<std::vector<double>> ReadLevels() override;
+  StatusOr<LampReadings> Watch() override;
   Status AllOff() override;
 
  private:
+  StatusOr<std::vector<double>> Levels(const std::vector<uint16_t>& registers) const;
   ModbusBus& bus_;
+  const bool measures_heat_;
   std::vector<int> channel_of_lamp_;  // in the order of Rig::lamps
   int channels_ = 0;                  // coils and registers 0..channels_-1
 };

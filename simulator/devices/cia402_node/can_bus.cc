@@ -39,6 +39,12 @@ void CanBusDevice::OnMotion(const std::function<void(size_t, bool, RigTime)>& f)
   }
 }
 
+void CanBusDevice::OnTorque(const std::function<void(size_t, bool, RigTime)>& f) {
+  for (size_t axis = 0; axis < nodes_.size(); ++axis) {
+    nodes_[axis]->OnTorque([f, axis](bool on, RigTime now) { f(axis, on, now); });
+  }
+}
+
 void CanBusDevice::Command(RigTime now, std::string_view payload, sim_wire::Outbox& out) {
   const auto frame = sim_wire::UnpackCanFrame(payload);
   if (!frame.ok()) {
@@ -136,13 +142,23 @@ Status CanBusDevice::InjectAxis(size_t axis, RigTime now, std::string_view text)
     nodes_[axis]->SetStuck(text == "stuck", now);
     return OkStatus();
   }
-  if (words.size() == 2 && words[0] == "lose") {
-    double degrees = 0;
-    MESORIG_RETURN_IF_ERROR(FaultReal(words, 1, -360, 360, degrees));
-    nodes_[axis]->LoseSteps(degrees / 360 * axes_[axis].counts_per_turn, now);
+  if (text == "hot" || text == "cool") {
+    nodes_[axis]->SetHot(text == "hot", now);
     return OkStatus();
   }
-  return InvalidArgument("\"{}\" is no fault of an axis: stuck, free, lose DEG", text);
+  if (words.size() == 2 && (words[0] == "lose" || words[0] == "slip")) {
+    double degrees = 0;
+    MESORIG_RETURN_IF_ERROR(FaultReal(words, 1, -360, 360, degrees));
+    const double counts = degrees / 360 * axes_[axis].counts_per_turn;
+    if (words[0] == "lose") {
+      nodes_[axis]->LoseSteps(counts, now);
+    } else {
+      nodes_[axis]->SlipEncoder(counts);
+    }
+    return OkStatus();
+  }
+  return InvalidArgument(
+      "\"{}\" is no fault of an axis: stuck, free, lose DEG, slip DEG, hot, cool", text);
 }
 
 }  // namespace mesorig::simulator

@@ -1,7 +1,8 @@
 #pragma once
 // The CAN bus of the rig as one SimDevice: every node hears every frame. By the back-channel `can
 // AXIS FAULT`: the messages of one node (simulator/devices/faults/message_faults.h, counted are
-// those of its own identifiers, NMT and heartbeats), `stuck`, `free` and `lose DEG`. A node that is
+// those of its own identifiers, NMT and heartbeats), `stuck`, `free`, `lose DEG`,
+// `slip DEG`, `hot` and `cool`. A node that is
 // disconnected is without supply as well, and boots when it is plugged in again.
 
 #include <functional>
@@ -31,6 +32,8 @@ class CanBusDevice final : public sim_wire::SimDevice {
 
   // Told when an axis (index into Rig::axes) begins to move and when it stands again.
   void OnMotion(const std::function<void(size_t axis, bool moves, RigTime)>& f);
+  // Likewise when its motor gets torque and when it has none any more.
+  void OnTorque(const std::function<void(size_t axis, bool on, RigTime)>& f);
   const Cia402Node& node(size_t axis) const { return *nodes_[axis]; }
   size_t node_count() const { return nodes_.size(); }
 

@@ -11,7 +11,10 @@ using sim_wire::CanFrame;
 using std::chrono::milliseconds;
 
 constexpr uint8_t kProfilePosition = 1, kHoming = 6;
-constexpr uint16_t kEmergencyHeartbeat = 0x8130, kEmergencyPower = 0x3130;
+constexpr uint16_t kEmergencyHeartbeat = 0x8130, kEmergencyPower = 0x3130,
+                   kEmergencyHot = 0x4310;
+// Manufacturer's: where the reference was found by the count before it, counts.
+constexpr uint16_t kReferenceFound = 0x2001;
 
 void PutLittle(CanFrame& frame, int at, int bytes, uint32_t value) {
   for (int i = 0; i < bytes; ++i) frame.data[at + i] = static_cast<uint8_t>(value >> (8 * i));
@@ -39,7 +42,9 @@ void Cia402Node::Reset(RigTime now) {
   d.Add(0x1018, 0, {1, false, 0, 0, 1});
   d.Add(0x1018, 1, {4, false, 0, 0, 0});
   d.Add(0x1802, 5, {2, true, 0, 0xFFFF, 100});
+  d.Add(kReferenceFound, 0, {4, false, -kMax32 - 1, kMax32, 0});
   d.Add(0x6007, 0, {2, true, -32768, 3, 1});
+  d.Add(0x605A, 0, {2, true, 2, 2, 2});  // quick stop: on its ramp, then torque off; no other
   d.Add(0x6040, 0, {2, true, 0, 0xFFFF, 0});
   d.Add(0x6041, 0, {2, false, 0, 0, 0});
   d.Add(0x6060, 0, {1, true, -128, 127, kProfilePosition});
@@ -86,6 +91,7 @@ void Cia402Node::Receive(const CanFrame& frame, RigTime now) {
     }
   }
   SendStatusIfChanged(now);
+  NoteTorque(now);
 }
 
 void Cia402Node::Nmt(uint8_t command, RigTime now) {
@@ -135,7 +141,7 @@ void Cia402Node::Controlword(uint16_t word, RigTime now) {
   const uint16_t rising = static_cast<uint16_t>(word & ~controlword_);
   controlword_ = word;
   if (state_ == State::kFault) {
-    if ((rising & 0x80) != 0 && power_) state_ = State::kSwitchOnDisabled;
+    if ((rising & 0x80) != 0 && power_ && !hot_) state_ = State::kSwitchOnDisabled;
     return;
   }
   Transition(word, now);
@@ -206,6 +212,7 @@ void Cia402Node::NextHomingLeg(RigTime now) {
   homing_error_ = stuck_at_.has_value();  // no switch came
   homing_attained_ = !homing_error_;
   if (homing_error_) return StandStill(now);
+  dictionary_.Set(kReferenceFound, 0, static_cast<uint32_t>(ActualCounts(now)));
   encoder_zero_ = WorldCounts(now) - dictionary_.GetSigned(0x607C, 0);
 }
 
@@ -229,6 +236,7 @@ void Cia402Node::SetMoves(bool moves, RigTime now) {
 
 void Cia402Node::StandStill(RigTime now) {
   motion_ = plant::MotionProfile::Standing(std::round(WorldCounts(now)));
+  encoder_zero_ += std::exchange(slip_, 0);  // (what the encoder shows stays)
   motion_start_ = now;
   motion_pending_ = homing_ = false;
   lost_ = 0;
@@ -277,6 +285,7 @@ void Cia402Node::SetSupply(bool on, RigTime now) {
   if (on == supplied_) return;
   supplied_ = on;
   if (on) {
+    StandStill(now);
     encoder_zero_ = WorldCounts(now);
     return Reset(now);
   }
@@ -285,6 +294,7 @@ void Cia402Node::SetSupply(bool on, RigTime now) {
   operational_ = false;
   next_heartbeat_ = consumer_deadline_ = next_status_ = kNever;
   output_.clear();
+  NoteTorque(now);
 }
 
 void Cia402Node::SetStuck(bool stuck, RigTime now) {
@@ -294,7 +304,7 @@ void Cia402Node::SetStuck(bool stuck, RigTime now) {
     return SetMoves(false, now);
   }
   const double world = *std::exchange(stuck_at_, std::nullopt);
-  lost_ = DemandCounts(now) - world;
+  lost_ = DemandCounts(now) - (world - slip_);
   if (homing_) {  // the search goes on from where it stands
     const double target = motion_.target();
     motion_ = plant::MotionProfile::Standing(world);
@@ -311,6 +321,30 @@ void Cia402Node::LoseSteps(double counts, RigTime now) {
   SendStatus(now);
 }
 
+void Cia402Node::SlipEncoder(double counts) {
+  slip_ += std::round(counts);
+  if (stuck_at_) *stuck_at_ += std::round(counts);
+}
+
+void Cia402Node::SetHot(bool hot, RigTime now) {
+  if (hot && !hot_ && supplied_) Fault(kEmergencyHot, now);
+  hot_ = hot;
+  SendStatusIfChanged(now);
+  NoteTorque(now);
+}
+
+bool Cia402Node::HasTorque() const {
+  if (!power_ || !supplied_) return false;
+  return state_ == State::kOperationEnabled || state_ == State::kQuickStopActive ||
+         (state_ == State::kFault && motion_pending_);
+}
+
+void Cia402Node::NoteTorque(RigTime now) {
+  if (HasTorque() == had_torque_) return;
+  had_torque_ = !had_torque_;
+  if (on_torque_) on_torque_(had_torque_, now);
+}
+
 void Cia402Node::SetPower(bool on, RigTime now) {
   power_ = on;
   if (!supplied_) return;
@@ -320,6 +354,7 @@ void Cia402Node::SetPower(bool on, RigTime now) {
     Fault(kEmergencyPower, now);
   }
   SendStatusIfChanged(now);
+  NoteTorque(now);
 }
 
 RigTime Cia402Node::NextEvent() const {
@@ -340,6 +375,7 @@ void Cia402Node::RunEvent(RigTime now) {
     SendStatus(now);
   }
   SendStatusIfChanged(now);
+  NoteTorque(now);
 }
 
 void Cia402Node::MotionEnded(RigTime now) {
@@ -362,16 +398,16 @@ void Cia402Node::MotionEnded(RigTime now) {
 }
 
 double Cia402Node::WorldCounts(RigTime t) const {
-  return stuck_at_ ? *stuck_at_ : DemandCounts(t) - lost_;
+  return stuck_at_ ? *stuck_at_ : DemandCounts(t) - lost_ + slip_;
 }
 
 bool Cia402Node::FollowingError(RigTime now) const {
   const uint32_t window = Value(0x6065);
-  return window != 0xFFFFFFFF && std::abs(DemandCounts(now) - WorldCounts(now)) > window;
+  return window != 0xFFFFFFFF && std::abs(DemandCounts(now) - (WorldCounts(now) - slip_)) > window;
 }
 
 int32_t Cia402Node::ActualCounts(RigTime now) const {
-  return static_cast<int32_t>(std::lround(WorldCounts(now) - encoder_zero_));
+  return static_cast<int32_t>(std::lround(WorldCounts(now) - slip_ - encoder_zero_));
 }
 
 uint16_t Cia402Node::Statusword(RigTime now) const {

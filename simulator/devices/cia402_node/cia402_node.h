@@ -39,10 +39,17 @@ class Cia402Node {
   void SetStuck(bool stuck, RigTime now);
   // In counts, of either sign; nothing while it homes, which seeks its switch.
   void LoseSteps(double counts, RigTime now);
+  // The axis slips on the shaft that carries motor and encoder: they do not notice.
+  void SlipEncoder(double counts);
+  // Too hot: emergency 0x4310 and a fault that no reset clears, until it has cooled.
+  void SetHot(bool hot, RigTime now);
   std::vector<sim_wire::CanFrame> TakeOutput() { return std::exchange(output_, {}); }
 
   // Told when the axis begins to move and when it stands again.
   void OnMotion(std::function<void(bool moves, RigTime)> f) { on_motion_ = std::move(f); }
+
+  // Told when the motor gets torque and when it has none any more.
+  void OnTorque(std::function<void(bool on, RigTime)> f) { on_torque_ = std::move(f); }
 
   // The world's view: angle from the home switch, and whether it is exactly a commanded count.
   double WorldCounts(RigTime t) const;
@@ -74,6 +81,8 @@ class Cia402Node {
   void HeartbeatLost(RigTime now);
   void MotionEnded(RigTime now);
   void SetMoves(bool moves, RigTime now);
+  bool HasTorque() const;  // also while it brakes
+  void NoteTorque(RigTime now);
   // Where the drive thinks that it is, in world counts.
   double DemandCounts(RigTime t) const { return motion_.Position(Elapsed(t)); }
   bool FollowingError(RigTime now) const;
@@ -94,13 +103,15 @@ class Cia402Node {
   RigTime motion_start_{};
   bool motion_pending_ = false;  // its end is an event
   bool moves_ = false;
-  std::function<void(bool, RigTime)> on_motion_;
-  double encoder_zero_ = 0;                            // world counts at which the encoder shows 0
+  bool had_torque_ = false, hot_ = false;
+  std::function<void(bool, RigTime)> on_motion_, on_torque_;
+  double encoder_zero_ = 0;                            // demand at which the encoder shows 0
   std::deque<std::pair<double, double>> homing_legs_;  // target (world counts), velocity
   double homing_velocity_ = 0;                         // of the leg under way
   bool homing_ = false, homing_attained_ = false, homing_error_ = false;
   bool target_reached_ = true, set_point_ack_ = false;
-  double lost_ = 0;                 // demand less world, counts
+  double lost_ = 0;                 // demand less encoder's side, counts
+  double slip_ = 0;                 // world less encoder's side, since it last stood still
   std::optional<double> stuck_at_;  // world counts
   RigTime next_heartbeat_ = kNever, consumer_deadline_ = kNever, next_status_ = kNever;
   std::vector<sim_wire::CanFrame> output_;

@@ -30,12 +30,15 @@ StatusOr<bool> DigitalLinesDevice::Level(int line, RigTime now) const {
   if (line == lines_.estop) return estop_closed_;
   if (line == lines_.door) return door_closed_;
   if (line == lines_.reset) return false;
+  if (line == lines_.power) return contactor_.closed();
   if (laser_ != nullptr && line == lines_.laser_on) return laser_->Shines(now);
   if (laser_ != nullptr && line == lines_.laser_trigger) return trigger_;
-  const std::string more =
-      laser_ ? fmt::format(", {}, {}", lines_.laser_trigger, lines_.laser_on) : "";
-  return InvalidArgument("line {} is not wired; wired are {}, {}, {}{}", line, lines_.estop,
-                         lines_.door, lines_.reset, more);
+  std::string wired;
+  for (const int known : {lines_.estop, lines_.door, lines_.reset, lines_.power,
+                          laser_ ? lines_.laser_trigger : -1, laser_ ? lines_.laser_on : -1}) {
+    if (known >= 0) wired += fmt::format("{}{}", wired.empty() ? "" : ", ", known);
+  }
+  return InvalidArgument("line {} is not wired; wired are {}", line, wired);
 }
 
 RigTime DigitalLinesDevice::NextEvent() const {
@@ -56,7 +59,17 @@ void DigitalLinesDevice::SendLaserEdge(RigTime now, sim_wire::Outbox& out) {
   SendEdge(lines_.laser_on, laser_said_, out);
 }
 
+void DigitalLinesDevice::SendPowerEdge(sim_wire::Outbox& out) {
+  if (lines_.power < 0 || contactor_.closed() == power_said_) return;
+  power_said_ = contactor_.closed();
+  SendEdge(lines_.power, power_said_, out);
+}
+
 Status DigitalLinesDevice::Inject(RigTime now, std::string_view text, sim_wire::Outbox& out) {
+  const bool hand = text.starts_with("estop") || text.starts_with("door") || text == "reset";
+  if (hand && !lines_.interlock) {
+    return FailedPrecondition("lines: this rig has no interlock, so no \"{}\"", text);
+  }
   if (text == "estop open" || text == "estop close") {
     estop_closed_ = text.ends_with("close");
     SetChainLine(lines_.estop, estop_closed_, now, out);
@@ -66,6 +79,7 @@ Status DigitalLinesDevice::Inject(RigTime now, std::string_view text, sim_wire::
   } else if (text == "reset") {  // pressed and let go
     SendEdge(lines_.reset, true, out);
     contactor_.ResetEdge(now);
+    SendPowerEdge(out);
     SendEdge(lines_.reset, false, out);
   } else if (text.starts_with("stuck ") || text.starts_with("free ")) {
     return SetStuck(text.substr(text.find(' ') + 1), text.starts_with("stuck "), now, out);
@@ -82,6 +96,7 @@ Status DigitalLinesDevice::SetStuck(std::string_view input, bool stuck, RigTime 
                                     sim_wire::Outbox& out) {
   const int line = input == "estop"                           ? lines_.estop
                    : input == "door"                          ? lines_.door
+                   : input == "power"                          ? lines_.power
                    : input == "laser_on" && laser_ != nullptr ? lines_.laser_on
                                                               : -1;
   if (line < 0) return InvalidArgument("lines: \"{}\" is no input that can be stuck", input);
@@ -101,6 +116,7 @@ Status DigitalLinesDevice::SetStuck(std::string_view input, bool stuck, RigTime 
 void DigitalLinesDevice::SetChainLine(int line, bool closed, RigTime now, sim_wire::Outbox& out) {
   contactor_.SetChain(estop_closed_ && door_closed_, now);
   SendEdge(line, closed, out);
+  SendPowerEdge(out);
   SendLaserEdge(now, out);
 }
 

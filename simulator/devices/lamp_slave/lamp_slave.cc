@@ -193,10 +193,11 @@ std::string LampSlave::Reply(const std::string& request, RigTime now) {
   } else {
     const int channels = bank_.channel_count();
     const std::unique_ptr<modbus_mapping_t, MappingDeleter> mapping(
-        modbus_mapping_new(channels, 0, 0, channels));
+        modbus_mapping_new(channels, 0, 0, 2 * channels));
     for (int i = 0; i < channels; ++i) {
       mapping->tab_bits[i] = bank_.Coil(i) ? 1 : 0;
       mapping->tab_input_registers[i] = bank_.FluxPerMille(i, now);
+      mapping->tab_input_registers[channels + i] = bank_.HousingTenths(i, now);
     }
     modbus_reply(context_.get(), bytes, size, mapping.get());
     for (int i = 0; i < channels; ++i) {

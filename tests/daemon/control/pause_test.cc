@@ -184,6 +184,9 @@ TEST(Arm, WaitsForStartWithEverythingOff) {
   bench.lines.Set(bench.rig.lines.door, false);
   EXPECT_TRUE(absl::IsFailedPrecondition(bench.sequencer->Command(Command::kStart, "")));
   bench.lines.Set(bench.rig.lines.door, true);
+  EXPECT_TRUE(absl::IsFailedPrecondition(bench.sequencer->Command(Command::kStart, "")))
+      << "closing permits nothing";
+  bench.PressReset();
   EXPECT_EQ(bench.sequencer->Command(Command::kStart, ""), OkStatus());
   EXPECT_TRUE(bench.AwaitEnd().complete);
 }

@@ -194,7 +194,20 @@ TEST(Sequencer, OpenChainRefusesTheStart) {
   EXPECT_THAT(std::string(Message(status)), HasSubstr("emergency stop (line 0) is open"));
   EXPECT_EQ(bench.session->finishes(), 0);
   bench.lines.Set(0, true);
+  EXPECT_THAT(std::string(Message(bench.Begin(SmallPlan(bench.rig)))), HasSubstr("press reset"));
+  bench.PressReset();
   EXPECT_TRUE(bench.Run(SmallPlan(bench.rig)).complete);
+}
+
+TEST(Sequencer, NoLaserWithoutAnInterlock) {
+  Rig rig = SmallLaserRig();
+  rig.lines.interlock = false;
+  rig.lines.estop = rig.lines.door = rig.lines.reset = -1;
+  Bench bench(rig);
+  const Status refused = bench.Begin(SmallLaserPlan(bench.rig));
+  EXPECT_TRUE(absl::IsFailedPrecondition(refused));
+  EXPECT_THAT(std::string(Message(refused)), HasSubstr("has no interlock"));
+  EXPECT_TRUE(bench.Run(SmallPlan(bench.rig)).complete) << "lamps and axes only";
 }
 
 TEST(Sequencer, OneRunAtATimeAndOnlyPlansOfThisRig) {

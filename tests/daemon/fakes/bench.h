@@ -100,6 +100,11 @@ class Bench {
     std::unique_lock lock(mutex_);
     ended_.wait(lock, [&] { return Count(kind) >= count; });
   }
+  // At the rig: what opened the chain is cleared by nothing else.
+  void PressReset() {
+    lines.Set(rig.lines.reset, false);
+    lines.Set(rig.lines.reset, true);
+  }
   void ExpectAtRest() {
     EXPECT_FALSE(lamps.anything_on());
     EXPECT_FALSE(laser && laser->moving());

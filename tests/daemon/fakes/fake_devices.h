@@ -52,6 +52,7 @@ class OperationLog {
   Listener listener_;
 };
 
+// Thread-safe: Safety reads and stops it beside its owner.
 class FakeAxis final : public Axis {
  public:
   FakeAxis(RigClock& clock, const StopFlag& stop, OperationLog& log, const mesorig::Axis& axis)
@@ -59,11 +60,12 @@ class FakeAxis final : public Axis {
   const std::string& name() const override { return axis_.name; }
   Status Enable() override {
     MESORIG_RETURN_IF_ERROR(Say("enable"));
-    reading_.enabled = true;
+    Set([](AxisReading& reading) { reading.enabled = reading.torque = true; });
     return OkStatus();
   }
   Status Disable() override {
-    reading_.enabled = reading_.moving = false;  // also when the answer gets lost
+    // Also when the answer gets lost.
+    Set([](AxisReading& reading) { reading.enabled = reading.torque = reading.moving = false; });
     return Say("disable");
   }
   Status StartHoming() override {
@@ -74,13 +76,14 @@ class FakeAxis final : public Axis {
   Status AwaitHoming(RigTime deadline) override {
     MESORIG_RETURN_IF_ERROR(Say("homed"));
     MESORIG_RETURN_IF_ERROR(Arrive(deadline));
-    reading_.referenced = true;
+    Set([](AxisReading& reading) { reading.referenced = true; });
     return OkStatus();
   }
   Status StartMove(double target_rad) override {
     MESORIG_RETURN_IF_ERROR(Say(fmt::format("move {:.0f}", DegFromRad(target_rad))));
-    if (!reading_.enabled || !reading_.referenced) return FailedPrecondition("not ready");
-    Begin(target_rad, FromSeconds(MoveSeconds(axis_, target_rad - reading_.position_rad)));
+    const AxisReading reading = Read();
+    if (!reading.enabled || !reading.referenced) return FailedPrecondition("not ready");
+    Begin(target_rad, FromSeconds(MoveSeconds(axis_, target_rad - reading.position_rad)));
     return OkStatus();
   }
   Status AwaitMove(RigTime deadline) override {
@@ -88,31 +91,42 @@ class FakeAxis final : public Axis {
     return Arrive(deadline);
   }
   Status QuickStop() override {
-    reading_.moving = false;
+    Set([](AxisReading& reading) { reading.enabled = reading.torque = reading.moving = false; });
     return Say("quick stop");
   }
-  AxisReading Read() const override { return reading_; }
+  AxisReading Read() const override {
+    std::lock_guard lock(mutex_);
+    return reading_;
+  }
 
  private:
   Status Say(const std::string& what) { return log_.Add(axis_.name + " " + what); }
+  void Set(const std::function<void(AxisReading&)>& change) {
+    std::lock_guard lock(mutex_);
+    change(reading_);
+  }
   void Begin(double target_rad, RigTime span) {
     target_rad_ = target_rad;
     arrival_ = clock_.Now() + span;
-    reading_.moving = true;
+    Set([](AxisReading& reading) { reading.moving = true; });
   }
   Status Arrive(RigTime deadline) {
     const Status waited = stop_.Wait(std::min(deadline, arrival_), [] { return false; });
     if (absl::IsCancelled(waited)) return waited;
-    if (clock_.Now() < arrival_) return DeadlineExceeded("{}: late", axis_.name);
-    reading_.position_rad = target_rad_;
-    reading_.read_at = clock_.Now();
-    reading_.moving = false;
+    const RigTime now = clock_.Now();
+    if (now < arrival_) return DeadlineExceeded("{}: late", axis_.name);
+    Set([&](AxisReading& reading) {
+      reading.position_rad = target_rad_;
+      reading.read_at = now;
+      reading.moving = false;
+    });
     return OkStatus();
   }
   RigClock& clock_;
   const StopFlag& stop_;
   OperationLog& log_;
   const mesorig::Axis axis_;
+  mutable std::mutex mutex_;
   AxisReading reading_;
   double target_rad_ = 0;
   RigTime arrival_{};
@@ -139,6 +153,12 @@ class FakeLampBank final : public LampBank {
     std::lock_guard lock(mutex_);
     return LevelsNow();
   }
+  // Not in the log: nobody's command.
+  StatusOr<LampReadings> Watch() override {
+    std::lock_guard lock(mutex_);
+    return LampReadings{LevelsNow(), housing_c};
+  }
+  std::vector<double> housing_c;  // set while nothing runs
   Status AllOff() override {
     MESORIG_RETURN_IF_ERROR(log_.Add("lamps off"));
     Switch(-1);

@@ -1,0 +1,120 @@
+#include "daemon/safety/lamp_hours.h"
+
+#include <charconv>
+#include <cmath>
+
+#include "protocol/base/file_writer.h"
+#include "protocol/base/log.h"
+
+namespace mesorig::daemon {
+namespace {
+
+constexpr std::string_view kHeader = "lamp\thours";
+constexpr double kMostHours = 1e7;
+
+}  // namespace
+
+LampHours::LampHours(const Rig& rig) : rig_(rig), hours_(rig.lamps.size()) {}
+
+LampHours::~LampHours() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+    wake_.notify_all();
+  }
+  if (thread_.joinable()) thread_.join();
+}
+
+Status LampHours::Keep(const std::filesystem::path& file) {
+  if (thread_.joinable()) return FailedPrecondition("lamp-hours are kept in {}", file_.string());
+  if (std::filesystem::exists(file)) MESORIG_RETURN_IF_ERROR(Read(file));
+  file_ = file;
+  thread_ = std::thread([this] { WriteLoop(); });
+  return OkStatus();
+}
+
+Status LampHours::Read(const std::filesystem::path& file) {
+  MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(file, 1u << 20));
+  const std::lock_guard lock(mutex_);
+  int number = 0;
+  for (size_t at = 0; at < text.size();) {
+    const size_t end = std::min(text.find('\n', at), text.size());
+    const std::string line = text.substr(at, end - at);
+    at = end + 1;
+    if (++number == 1 && line != kHeader) {
+      return InvalidArgument("{}:1: is \"{}\", not \"lamp<tab>hours\"", file.string(), line);
+    }
+    if (number == 1 || line.empty()) continue;
+    const size_t tab = line.find('\t');
+    const std::string_view value =
+        tab == line.npos ? std::string_view() : std::string_view(line).substr(tab + 1);
+    double hours = 0;
+    const auto [stop, error] = std::from_chars(value.data(), value.data() + value.size(), hours);
+    if (value.empty() || error != std::errc() || stop != value.data() + value.size() ||
+        !(hours >= 0 && hours <= kMostHours)) {
+      return InvalidArgument("{}:{}: \"{}\" is not LAMP<tab>HOURS with hours in [0, {:g}]",
+                             file.string(), number, line, kMostHours);
+    }
+    const auto lamp = rig_.FindLamp(line.substr(0, tab));
+    if (lamp) {
+      hours_[static_cast<size_t>(*lamp)] = hours;
+    } else {
+      others_.push_back(line);
+    }
+  }
+  return OkStatus();
+}
+
+std::vector<double> LampHours::HoursLocked(RigTime now) const {
+  std::vector<double> hours = hours_;
+  if (burning_ >= 0) {
+    hours[static_cast<size_t>(burning_)] += Seconds(std::max(now, since_) - since_) / 3600;
+  }
+  return hours;
+}
+
+void LampHours::Burn(int lamp, RigTime now) {
+  const std::lock_guard lock(mutex_);
+  hours_ = HoursLocked(now);
+  changed_ |= burning_ >= 0 || lamp >= 0;
+  burning_ = lamp;
+  since_ = now;
+}
+
+std::vector<double> LampHours::Hours(RigTime now) const {
+  const std::lock_guard lock(mutex_);
+  return HoursLocked(now);
+}
+
+std::vector<std::string> LampHours::Overdue(RigTime now) const {
+  std::vector<std::string> overdue;
+  const double rated = rig_.lamp_bank.rated_hours;
+  const std::vector<double> hours = Hours(now);
+  for (size_t i = 0; i < hours.size() && rated > 0; ++i) {
+    if (hours[i] <= rated) continue;
+    overdue.push_back(fmt::format("lamp {} has burnt {:.1f} h of the {:g} h that it is rated for",
+                                  rig_.lamps[i].name, hours[i], rated));
+  }
+  return overdue;
+}
+
+void LampHours::WriteLoop() {
+  std::unique_lock lock(mutex_);
+  while (!ending_) {
+    wake_.wait_for(lock, kWrite, [&] { return ending_; });
+    if (!std::exchange(changed_, burning_ >= 0)) continue;
+    std::string text = std::string(kHeader) + "\n";
+    // (While it burns, as far as is counted: up to the last switch.)
+    for (size_t i = 0; i < hours_.size(); ++i) {
+      text += fmt::format("{}\t{:.6f}\n", rig_.lamps[i].name, hours_[i]);
+    }
+    for (const std::string& other : others_) text += other + "\n";
+    lock.unlock();
+    const Status written = WriteFileAtomically(file_, text);
+    if (!written.ok()) Log("safety").error("lamp-hours: {}", Message(written));
+    lock.lock();
+    changed_ |= !written.ok();
+  }
+}
+
+}  // namespace mesorig::daemon

@@ -1,0 +1,426 @@
+#include "daemon/safety/safety.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "daemon/safety/guards.h"
+#include "protocol/base/log.h"
+
+namespace mesorig::daemon {
+namespace {
+
+// Off the instants at which others command and drives answer (docs/lockstep.md).
+constexpr RigTime kPhase{271'828};
+// What is read back must disagree for so long with what was asked for.
+constexpr double kPowerLost_s = 0.3, kContactorStuck_s = 0.3, kLaserStuck_s = 0.4;
+constexpr double kMotionStuck_s = 3;  // a quick stop brakes first
+constexpr double kLightStuck_s = 1;   // and twice the lamps' settling time
+constexpr double kDark = 0.05;        // of full flux
+constexpr double kCooled_c = 10;      // below the limit, before the heat is gone
+constexpr std::chrono::seconds kPollLimit{5};
+
+// As the rig's own latch tells.
+bool ResetWasPressed(const Lines& numbers, DigitalLines* lines) {
+  if (!numbers.interlock) return true;
+  if (lines == nullptr || numbers.power < 0) return false;
+  return lines->Read(numbers.power).value_or(false);
+}
+
+double MaxSettle_s(const Rig& rig) {
+  double settle_s = 0;
+  for (const Lamp& lamp : rig.lamps) settle_s = std::max(settle_s, lamp.settle_s);
+  return settle_s;
+}
+
+RigTime AliveLimit(const Rig& rig) {
+  double longest_s = MaxSettle_s(rig);
+  for (const auto& axis : rig.axes) longest_s = std::max(longest_s, axis.settle_s);
+  for (const auto& camera : rig.cameras) longest_s = std::max(longest_s, camera.max_exposure_s);
+  return FromSeconds(Safety::kAlive_s + longest_s);
+}
+
+bool AnyLit(const std::vector<double>& levels) {
+  return std::any_of(levels.begin(), levels.end(), [](double level) { return level > kDark; });
+}
+
+}  // namespace
+
+Safety::Safety(RigClock& clock, const Rig& rig, SafetyDevices devices, StopFlag& stop,
+               SafetyOptions options)
+    : clock_(clock),
+      rig_(rig),
+      devices_(std::move(devices)),
+      stop_(stop),
+      options_(options),
+      alive_limit_(AliveLimit(rig)),
+      hours_(rig),
+      logic_(ResetWasPressed(rig.lines, devices_.lines)),
+      torque_asked_(devices_.axes.size()),
+      chain_(clock, devices_.lines, rig.lines, stop,
+             [this](const InterlockChain::Levels& levels, bool reset_edge) {
+               seen_.chain = levels;
+               if (reset_edge) {  // the contactor needs its time to close
+                 power_lost_.Forget();
+                 flags_.power_lost = false;
+               }
+               StepInsideChange(reset_edge, false);
+             }),
+      stop_round_(std::chrono::steady_clock::now()) {
+  if (logic_.latched() != 0) seen_.reason = CauseInsideChange(TripCause::kStart);
+  seen_.has_power_line = rig.lines.power >= 0;
+  // What an earlier daemon left on has its own time to go off.
+  dark_at_ = clock.Now() + FromSeconds(kLightStuck_s + 2 * MaxSettle_s(rig));
+  for (size_t i = 0; i < devices_.axes.size(); ++i) {
+    axis_guards_.push_back(std::make_unique<AxisGuard>(*this, *devices_.axes[i], i));
+    guarded_axes_.push_back(axis_guards_.back().get());
+  }
+  guarded_lamps_ = std::make_unique<LampGuard>(*this, *devices_.lamps, rig);
+  if (rig.laser) {
+    gate_ = std::make_unique<LaserGate>(clock, devices_.lines, rig.lines, stop,
+                                        [this] { return MayShine(); });
+  }
+  stop_thread_ = std::thread([this] { ServeStops(); });
+  watch_ = std::make_unique<RigThread>(clock, "safety", [this] { Watch(); });
+  PollNow();
+}
+
+Safety::~Safety() {
+  {
+    const std::lock_guard lock(stop_mutex_);
+    stop_ending_ = true;
+    stop_wake_.notify_all();
+  }
+  stop_thread_.join();
+  clock_.Change([&] { ending_ = true; });
+  watch_.reset();
+}
+
+// --- What may be energised ---------------------------------------------------------------------
+
+bool Safety::EnergisedInsideChange() const {
+  const bool asked = light_asked_ || (gate_ != nullptr && gate_->OpenInsideChange()) ||
+                     std::find(torque_asked_.begin(), torque_asked_.end(), true) !=
+                         torque_asked_.end();
+  const bool read_back = seen_.laser_on || flags_.light_stuck ||
+                         std::any_of(seen_.axes.begin(), seen_.axes.end(),
+                                     [](const AxisReading& axis) { return axis.torque; });
+  return asked || read_back;
+}
+
+void Safety::StepInsideChange(bool reset_edge, bool console_reset) {
+  SafetyInputs in = flags_;
+  in.readable = seen_.chain.readable;
+  in.estop = seen_.chain.estop;
+  in.door = seen_.chain.door;
+  in.reset_edge = reset_edge;
+  in.console_reset = console_reset;
+  in.energised = EnergisedInsideChange();
+  in.hung = in.energised && (flags_.hung || hangs_);
+  in.moving = std::any_of(seen_.axes.begin(), seen_.axes.end(),
+                          [](const AxisReading& axis) { return axis.moving; });
+  const uint16_t before = logic_.latched();
+  const bool off_before = outputs_.de_energise;
+  outputs_ = logic_.Step(in);
+  seen_.energised = in.energised;
+  if (outputs_.de_energise && !off_before) act_ = true;
+  for (int i = 0; i < kTripCauses; ++i) {
+    const auto cause = static_cast<TripCause>(i);
+    if ((before & Bit(cause)) != 0 || !logic_.Has(cause)) continue;
+    const std::string text = CauseInsideChange(cause);
+    if (before == 0 && !seen_.tripped) {
+      seen_.reason = text;
+      seen_.tripped_at = seen_.chain.read_at;
+      ++seen_.trips;
+      untold_.push_back(text);
+      act_ = true;
+    }
+    seen_.tripped = true;
+    // Of the chain's own openings it has said so itself, with the line and when.
+    if (cause > TripCause::kDoor && cause != TripCause::kUnreadable) chain_.TripInsideChange(text);
+  }
+  seen_.tripped = logic_.latched() != 0;
+  if (!seen_.tripped) seen_.reason.clear();
+}
+
+std::string Safety::CauseInsideChange(TripCause cause) const {
+  if (cause == TripCause::kHot && !heat_.empty()) return fmt::format("safety: {}", heat_);
+  if (cause == TripCause::kHung && !hang_.empty()) return fmt::format("safety: {}", hang_);
+  if (cause == TripCause::kPower) {
+    return fmt::format("interlock chain: the contactor (line {}) is open though the chain reads closed",
+                       rig_.lines.power);
+  }
+  return fmt::format("safety: {}", Text(cause));
+}
+
+Status Safety::PermitInsideChange() const {
+  if (outputs_.may_energise) return OkStatus();
+  if (logic_.latched() == 0) {
+    return FailedPrecondition("interlock chain: {} is open",
+                              !seen_.chain.readable ? "a line that cannot be read"
+                              : !seen_.chain.estop  ? "emergency stop"
+                                                    : "door");
+  }
+  std::string causes;
+  for (int i = 0; i < kTripCauses; ++i) {
+    const auto cause = static_cast<TripCause>(i);
+    if (!logic_.Has(cause)) continue;
+    causes += fmt::format("{}{}", causes.empty() ? "" : ", ", Text(cause));
+  }
+  if (logic_.needs_the_rig()) {
+    return FailedPrecondition("safety: {}; with the chain closed, press reset (line {}) at the rig",
+                              causes, rig_.lines.reset);
+  }
+  return FailedPrecondition("safety: {} ({}); when that is gone, reset or the next start clears it",
+                            causes, seen_.reason);
+}
+
+Status Safety::Permit() const {
+  Status status;
+  clock_.Read([&] { status = PermitInsideChange(); });
+  return status;
+}
+
+Status Safety::MayEnergise() {
+  MESORIG_RETURN_IF_ERROR(chain_.Check());
+  return Permit();
+}
+
+Status Safety::MayAsk() const {
+  Status status;
+  clock_.Read([&] {
+    status = stopping_ > 0 ? Cancelled("somebody said stop") : PermitInsideChange();
+  });
+  return status;
+}
+
+Status Safety::Reset() {
+  PollNow();
+  clock_.Change([&] { StepInsideChange(false, true); });
+  return MayEnergise();
+}
+
+void Safety::AliveUntil(RigTime until) {
+  clock_.Change([&] { alive_until_ = until; });
+}
+
+void Safety::AskTorque(size_t axis, bool on) {
+  const RigTime now = clock_.Now();
+  clock_.Change([&] {
+    torque_asked_[axis] = on;
+    alive_until_ = std::max(alive_until_, now);
+    if (!on) {
+      motion_stuck_.Forget();
+      flags_.motion_stuck = false;
+    }
+    StepInsideChange(false, false);
+  });
+}
+
+void Safety::AskLight(int lamp) {
+  const RigTime now = clock_.Now();
+  hours_.Burn(lamp, now);
+  clock_.Change([&] {
+    light_asked_ = lamp >= 0;
+    alive_until_ = std::max(alive_until_, now);
+    if (!light_asked_) {
+      flags_.light_stuck = false;
+      dark_at_ = now + FromSeconds(kLightStuck_s + 2 * MaxSettle_s(rig_));
+    }
+    StepInsideChange(false, false);
+  });
+}
+
+Status Safety::MayMove() {
+  if (gate_ == nullptr) return OkStatus();
+  if (gate_->open()) return FailedPrecondition("the laser's gate is open: nothing moves meanwhile");
+  const auto shines = gate_->Shines();
+  if (!shines.ok()) return FailedPrecondition("nothing moves: {}", Message(shines.status()));
+  return *shines ? FailedPrecondition("the laser shines: nothing moves meanwhile") : OkStatus();
+}
+
+Status Safety::MayShine() {
+  Alive();
+  MESORIG_RETURN_IF_ERROR(MayAsk());
+  for (const Axis* axis : devices_.axes) {
+    if (axis->Read().moving) return FailedPrecondition("axis {} moves: no laser", axis->name());
+  }
+  return OkStatus();
+}
+
+// --- The watch ----------------------------------------------------------------------------------
+
+void Safety::Watch() {
+  const RigTime period = FromSeconds(kPoll_s);
+  RigTime due = clock_.Now();
+  for (;;) {
+    clock_.WaitUntil(due, [&] { return ending_ || act_; });
+    bool ending = false;
+    uint64_t wanted = 0;
+    clock_.Change([&] {
+      ending = ending_;
+      act_ = false;
+      wanted = polls_wanted_;
+    });
+    if (ending) return;
+    Poll(wanted != polls_done_);
+    bool off = false;
+    clock_.Read([&] { off = outputs_.de_energise; });
+    if (off) (void)DeEnergise();
+    TellTrips();
+    polls_done_ = wanted;
+    {
+      const std::lock_guard lock(stop_mutex_);
+      polled_.notify_all();
+    }
+    const RigTime now = clock_.Now();
+    due = now - now % period + kPhase;
+    if (due <= now) due += period;
+  }
+}
+
+void Safety::Poll(bool lamps_too) {
+  const RigTime now = clock_.Now();
+  PollLines(now);
+  PollAxes(now);
+  bool look = false, energised = false;
+  clock_.Change([&] {
+    energised = EnergisedInsideChange();
+    flags_.hung = energised && now > alive_until_ + alive_limit_;
+    if (flags_.hung) {
+      hang_ = fmt::format("no progress for {:.1f} s while the rig is energised",
+                          Seconds(now - alive_until_));
+    }
+    const bool may_glow = energised || now < dark_at_ + FromSeconds(2 * kLampPoll_s);
+    look = lamps_too || (may_glow && now >= lamps_due_);
+    StepInsideChange(false, false);
+  });
+  if (look) PollLamps(now);
+}
+
+void Safety::PollLines(RigTime now) {
+  (void)chain_.Check();  // what is wrong goes into the logic
+  const Lines& numbers = rig_.lines;
+  const auto read = [&](int line, bool unknown) {
+    if (devices_.lines == nullptr || line < 0) return unknown;
+    return devices_.lines->Read(line).value_or(unknown);
+  };
+  const bool power = read(numbers.power, false);
+  const bool laser = read(numbers.laser_on, false);
+  clock_.Change([&] {
+    seen_.power = power;
+    seen_.laser_on = laser;
+    seen_.lines_read_at = now;
+    const bool closed = seen_.chain.readable && seen_.chain.estop && seen_.chain.door;
+    if (seen_.has_power_line && numbers.interlock) {
+      flags_.power_lost = power_lost_.Update(closed && !power, now, FromSeconds(kPowerLost_s));
+      flags_.contactor_stuck =
+          contactor_stuck_.Update(seen_.chain.readable && !closed && power, now,
+                                  FromSeconds(kContactorStuck_s));
+    }
+    const bool shut = gate_ == nullptr || !gate_->OpenInsideChange();
+    flags_.laser_stuck = laser_stuck_.Update(laser && shut, now, FromSeconds(kLaserStuck_s));
+    StepInsideChange(false, false);
+  });
+}
+
+void Safety::PollAxes(RigTime now) {
+  std::vector<AxisReading> axes;
+  for (const Axis* axis : devices_.axes) axes.push_back(axis->Read());
+  clock_.Change([&] {
+    bool unasked = false;
+    for (size_t i = 0; i < axes.size(); ++i) unasked |= axes[i].torque && !torque_asked_[i];
+    seen_.axes = std::move(axes);
+    flags_.motion_stuck = motion_stuck_.Update(unasked, now, FromSeconds(kMotionStuck_s));
+    StepInsideChange(false, false);
+  });
+}
+
+void Safety::PollLamps(RigTime now) {
+  lamps_due_ = now + FromSeconds(kLampPoll_s);
+  const auto readings = devices_.lamps->Watch();
+  if (!readings.ok()) {  // shows by the age of what was read last; the bank's own timeout acts
+    Log("safety").debug("safety: {}", Message(readings.status()));
+    return;
+  }
+  const double limit_c = rig_.lamp_bank.max_housing_c;
+  clock_.Change([&] {
+    seen_.lamp_level = readings->levels;
+    seen_.housing_c = readings->housing_c;
+    seen_.lamps_read_at = now;
+    flags_.light_stuck = !light_asked_ && now >= dark_at_ && AnyLit(readings->levels);
+    for (size_t i = 0; i < readings->housing_c.size() && limit_c > 0; ++i) {
+      if (readings->housing_c[i] <= limit_c) continue;
+      heat_ = fmt::format("lamp {}: its housing has {:.1f} degrees C, permitted are {:g}",
+                          rig_.lamps[i].name, readings->housing_c[i], limit_c);
+      flags_.hot = true;
+    }
+    const bool cool = std::all_of(readings->housing_c.begin(), readings->housing_c.end(),
+                                  [&](double c) { return c < limit_c - kCooled_c; });
+    if (cool) flags_.hot = false;
+    StepInsideChange(false, false);
+  });
+}
+
+void Safety::TellTrips() {
+  std::vector<std::string> trips;
+  std::vector<std::function<void(const std::string&)>> listeners;
+  clock_.Change([&] {
+    trips = std::exchange(untold_, {});
+    if (!trips.empty()) listeners = on_trip_;
+  });
+  for (const std::string& trip : trips) {
+    Log("safety").error("{}", trip);
+    for (const auto& listener : listeners) listener(trip);
+  }
+}
+
+Status Safety::DeEnergise() {
+  if (gate_) gate_->Shut();  // the one-shot does the rest
+  Status first;
+  for (size_t i = 0; i < devices_.axes.size(); ++i) {
+    const Status stopped = devices_.axes[i]->QuickStop();
+    if (stopped.ok()) {
+      AskTorque(i, false);
+    } else if (first.ok()) {
+      first = stopped;
+    }
+  }
+  const Status off = guarded_lamps_->AllOff();
+  if (!off.ok()) Log("safety").error("safety: {}", Message(off));
+  return off.ok() ? first : off;
+}
+
+void Safety::PollNow() {
+  uint64_t wanted = 0;
+  clock_.Change([&] {
+    wanted = ++polls_wanted_;
+    act_ = true;
+  });
+  std::unique_lock lock(stop_mutex_);
+  if (!polled_.wait_for(lock, kPollLimit, [&] { return polls_done_ >= wanted; })) {
+    Log("safety").error("safety: the watch does not answer within {} s", kPollLimit.count());
+  }
+}
+
+SafetyState Safety::state() const {
+  SafetyState state;
+  const RigTime now = clock_.Now();
+  clock_.Read([&] {
+    state = seen_;
+    const Status permit = PermitInsideChange();
+    state.may_energise = permit.ok();
+    state.why_not = Message(permit);
+    state.causes = logic_.latched();
+    state.needs_reset_at_rig = logic_.needs_the_rig();
+  });
+  state.lamp_hours = hours_.Hours(now);
+  return state;
+}
+
+Status Safety::KeepLampHours(const std::filesystem::path& file) {
+  MESORIG_RETURN_IF_ERROR(hours_.Keep(file));
+  for (const std::string& text : hours_.Overdue(clock_.Now())) Log("safety").warn("{}", text);
+  return OkStatus();
+}
+
+}  // namespace mesorig::daemon
