@@ -96,6 +96,10 @@ Status Serve(const ServeOptions& options) {
   MESORIG_ASSIGN_OR_RETURN(const auto rig,
                            SimulatedRig::Connect(options.runtime_dir, rig_description));
   const auto service = DaemonService::Create(rig_description, rig->sequencer(), options.state_dir);
+  if (Safety* safety = rig->sequencer().safety()) {
+    MESORIG_RETURN_IF_ERROR(
+        safety->KeepLampHours(std::filesystem::path(options.state_dir) / "lamp_hours.tsv"));
+  }
   MESORIG_ASSIGN_OR_RETURN(const auto access,
                            Access::Create(options.access, endpoint, service->services()));
   Log("program").info("rig {} ({}), sessions in {}, at {}{}", rig_description.name, options.rig,

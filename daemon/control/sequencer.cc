@@ -172,7 +172,7 @@ Status SequencerImpl::Command(SequencerCommand command, std::string_view reason)
   if (command == SequencerCommand::kReset) {
     MESORIG_RETURN_IF_ERROR(devices_.lamps->AllOff());
     // (What still forbids to energise is told to whoever wants to.)
-    if (const Status permit = safety_.Reset(); !permit.ok()) spdlog::info("{}", Message(permit));
+    if (const Status permit = safety_.Reset(); !permit.ok()) Log("control").info("{}", Message(permit));
   }
   MESORIG_RETURN_IF_ERROR(machine_.Give(command, reason));
   if (command == SequencerCommand::kPauseNow || command == SequencerCommand::kAbort) {

@@ -28,6 +28,8 @@ LampHours::~LampHours() {
 Status LampHours::Keep(const std::filesystem::path& file) {
   if (thread_.joinable()) return FailedPrecondition("lamp-hours are kept in {}", file_.string());
   if (std::filesystem::exists(file)) MESORIG_RETURN_IF_ERROR(Read(file));
+  std::error_code ignored;  // writing says what is wrong
+  std::filesystem::create_directories(file.parent_path(), ignored);
   file_ = file;
   thread_ = std::thread([this] { WriteLoop(); });
   return OkStatus();
@@ -100,8 +102,9 @@ std::vector<std::string> LampHours::Overdue(RigTime now) const {
 
 void LampHours::WriteLoop() {
   std::unique_lock lock(mutex_);
-  while (!ending_) {
+  for (bool last = false; !last;) {
     wake_.wait_for(lock, kWrite, [&] { return ending_; });
+    last = ending_;
     if (!std::exchange(changed_, burning_ >= 0)) continue;
     std::string text = std::string(kHeader) + "\n";
     // (While it burns, as far as is counted: up to the last switch.)

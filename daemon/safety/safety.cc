@@ -239,7 +239,6 @@ Status Safety::MayMove() {
 }
 
 Status Safety::MayShine() {
-  Alive();
   MESORIG_RETURN_IF_ERROR(MayAsk());
   for (const Axis* axis : devices_.axes) {
     if (axis->Read().moving) return FailedPrecondition("axis {} moves: no laser", axis->name());
@@ -285,7 +284,7 @@ void Safety::Poll(bool lamps_too) {
   bool look = false, energised = false;
   clock_.Change([&] {
     energised = EnergisedInsideChange();
-    flags_.hung = energised && now > alive_until_ + alive_limit_;
+    flags_.hung = energised && now - alive_until_ > alive_limit_;
     if (flags_.hung) {
       hang_ = fmt::format("no progress for {:.1f} s while the rig is energised",
                           Seconds(now - alive_until_));

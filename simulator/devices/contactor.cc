@@ -12,7 +12,7 @@ void Contactor::ResetEdge(RigTime now) {
 }
 
 void Contactor::Set(bool closed, RigTime now) {
-  if (closed == closed_) return;
+  if (closed == closed_ || (welded_ && !closed)) return;
   closed_ = closed;
   for (const auto& listener : listeners_) listener(closed, now);
 }

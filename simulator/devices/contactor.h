@@ -15,6 +15,7 @@ class Contactor {
   bool closed() const { return closed_; }
   void SetChain(bool chain_closed, RigTime now);
   void ResetEdge(RigTime now);
+  void Weld() { welded_ = true; }  // it does not open any more
   // Called at each change, in order of registration.
   void OnChange(std::function<void(bool closed, RigTime now)> listener) {
     listeners_.push_back(std::move(listener));
@@ -22,7 +23,7 @@ class Contactor {
 
  private:
   void Set(bool closed, RigTime now);
-  bool closed_ = true, chain_closed_ = true;
+  bool closed_ = true, chain_closed_ = true, welded_ = false;
   std::vector<std::function<void(bool, RigTime)>> listeners_;
 };
 

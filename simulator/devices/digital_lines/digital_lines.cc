@@ -81,12 +81,14 @@ Status DigitalLinesDevice::Inject(RigTime now, std::string_view text, sim_wire::
     contactor_.ResetEdge(now);
     SendPowerEdge(out);
     SendEdge(lines_.reset, false, out);
+  } else if (text == "weld") {
+    contactor_.Weld();
   } else if (text.starts_with("stuck ") || text.starts_with("free ")) {
     return SetStuck(text.substr(text.find(' ') + 1), text.starts_with("stuck "), now, out);
   } else {
     return InvalidArgument(
-        "lines: \"{}\" is not one of: estop open, estop close, door open, door close, reset, stuck "
-        "INPUT, free INPUT",
+        "lines: \"{}\" is not one of: estop open, estop close, door open, door close, reset, weld, "
+        "stuck INPUT, free INPUT",
         text);
   }
   return OkStatus();

@@ -86,6 +86,7 @@ const std::vector<FaultKind>& AllFaults() {
       {Of::kLines, "estop open|close", "the emergency stop"},
       {Of::kLines, "door open|close", "the door"},
       {Of::kLines, "reset", "pressed and let go"},
+      {Of::kLines, "weld", "the contactor does not open any more, whatever the chain does"},
       {Of::kLines, "stuck estop|door|power|laser_on",
        "the input says what it says now, whatever happens"},
       {Of::kLines, "free estop|door|power|laser_on", "it follows again"},

@@ -62,6 +62,7 @@ class MeddledCan final : public sim_wire::SimDevice {
     return bus_.Inject(now, text, out);
   }
   const simulator::Cia402Node& node(size_t axis) const { return bus_.node(axis); }
+  void OnTorque(const std::function<void(size_t axis, bool on, RigTime)>& f) { bus_.OnTorque(f); }
 
  private:
   simulator::CanBusDevice bus_;
