@@ -63,8 +63,11 @@ TEST(DigitalLines, LevelsAndEdges) {
   ASSERT_TRUE(lines.Inject({}, "estop open", out).ok());
   EXPECT_EQ(level(0), 0);
   const auto edges = out.Take();
-  ASSERT_EQ(edges.size(), 1u);
+  ASSERT_EQ(edges.size(), 2u) << "of the chain, then of the contactor";
   EXPECT_EQ(sim_wire::UnpackLineEdge(edges[0])->level, 0);
+  EXPECT_EQ(sim_wire::UnpackLineEdge(edges[1])->line, rig.lines.power);
+  EXPECT_EQ(sim_wire::UnpackLineEdge(edges[1])->level, 0);
+  EXPECT_EQ(level(rig.lines.power), 0);
   EXPECT_FALSE(lines.Query({}, sim_wire::PackLineQuery(17), out).ok());
   EXPECT_FALSE(lines.Inject({}, "estop sideways", out).ok());
   ASSERT_TRUE(lines.Inject({}, "reset", out).ok());
