@@ -36,9 +36,10 @@ Status Init(const CertsOptions& options, const Common& common) {
   if (common.json) {
     fmt::print("{}\n", nlohmann::json{{"ca", options.ca}}.dump());
   } else {
-    fmt::print("{}: a CA for {} days. Who reads its ca.key can make anybody an administrator: keep "
-               "the folder off the rig.\n",
-               options.ca, wire::kAuthorityDays);
+    fmt::print(
+        "{}: a CA for {} days. Who reads its ca.key can make anybody an administrator: keep "
+        "the folder off the rig.\n",
+        options.ca, wire::kAuthorityDays);
   }
   return OkStatus();
 }
@@ -68,8 +69,7 @@ Status Issue(const CertsOptions& options, const Common& common) {
 }
 
 Status Revoke(const CertsOptions& options, const Common& common) {
-  MESORIG_ASSIGN_OR_RETURN(const int removed,
-                           wire::RemoveFromList(options.list(), options.who));
+  MESORIG_ASSIGN_OR_RETURN(const int removed, wire::RemoveFromList(options.list(), options.who));
   if (removed == 0) {
     return NotFound("{}: {} is not in it, by name or fingerprint", options.list().string(),
                     options.who);
@@ -101,7 +101,10 @@ Status List(const CertsOptions& options, const Common& common) {
                         : role == "daemon"                               ? "in force"
                         : allowed.find(fingerprint) == std::string::npos ? "revoked"
                                                                          : "allowed";
-    json.push_back({{"fingerprint", fingerprint}, {"name", name}, {"role", role}, {"end", end},
+    json.push_back({{"fingerprint", fingerprint},
+                    {"name", name},
+                    {"role", role},
+                    {"end", end},
                     {"state", state}});
     if (!common.json) {
       fmt::print("{:<9} {:<14} {:<20} until {}  {}\n", state, role, name, end, fingerprint);
@@ -121,9 +124,8 @@ Status MakeToken(const CertsOptions& options, const Common& common) {
     MESORIG_ASSIGN_OR_RETURN(const wire::Identity identity, wire::ReadIdentityPem(pem));
     gateway = identity.fingerprint;
   }
-  MESORIG_ASSIGN_OR_RETURN(
-      const std::string token,
-      wire::MakeToken(key, certificate, gateway, Now(), options.seconds));
+  MESORIG_ASSIGN_OR_RETURN(const std::string token,
+                           wire::MakeToken(key, certificate, gateway, Now(), options.seconds));
   if (common.json) {
     fmt::print("{}\n", nlohmann::json{{"token", token}}.dump());
   } else {
@@ -150,8 +152,9 @@ std::vector<Command> AddCertsCommands(CLI::App& app, Common& common) {
   init->add_option("--name", i->name, "Of the laboratory")->capture_default_str();
   const auto [issue, u] = add("issue", "A key and a certificate for somebody", Issue);
   issue->add_option("--ca", u->ca, "Folder of the CA")->required();
-  issue->add_option("--role", u->role,
-                    "observer, processing, operator, administrator, gateway, daemon")
+  issue
+      ->add_option("--role", u->role,
+                   "observer, processing, operator, administrator, gateway, daemon")
       ->required();
   issue->add_option("--name", u->name, "Of the person or program")->required();
   issue->add_option("--host", u->hosts, "Of a daemon: name or address that it is reached by");

@@ -20,9 +20,10 @@ void AddAccessOptions(CLI::App& app, AccessOptions& options) {
           const size_t equals = pair.find('=');
           const Role role = RoleNamed(pair.substr(0, equals));
           if (equals == std::string::npos || equals + 1 == pair.size() || role == Role::kNone) {
-            throw CLI::ValidationError(
-                "--group", "\"" + pair + "\" is not ROLE=GROUP, with a role of observer, "
-                           "processing, operator, administrator");
+            throw CLI::ValidationError("--group",
+                                       "\"" + pair +
+                                           "\" is not ROLE=GROUP, with a role of observer, "
+                                           "processing, operator, administrator");
           }
           options.groups[role] = pair.substr(equals + 1);
         }

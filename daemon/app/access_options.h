@@ -7,7 +7,8 @@
 
 namespace mesorig::daemon {
 
-// --listen, --tls-dir, --group ROLE=GROUP, --max-certificate-days. `options` lives as long as `app`.
+// --listen, --tls-dir, --group ROLE=GROUP, --max-certificate-days. `options` lives as long as
+// `app`.
 void AddAccessOptions(CLI::App& app, AccessOptions& options);
 
 }  // namespace mesorig::daemon

@@ -26,8 +26,8 @@ using Metadata = std::multimap<grpc::string_ref, grpc::string_ref>;
 
 constexpr std::array kSocketRoles = {Role::kAdministrator, Role::kOperator, Role::kProcessing,
                                      Role::kObserver};
-// gRPC does not say which accepted socket a call came over, but which credentials: each pair of role
-// and uid gets credentials of its own when it first comes.
+// gRPC does not say which accepted socket a call came over, but which credentials: each pair of
+// role and uid gets credentials of its own when it first comes.
 constexpr size_t kLocalCallers = 64;
 constexpr std::string_view kCaFile = "ca.pem", kCertificateFile = "cert.pem", kKeyFile = "key.pem";
 constexpr unsigned kRereadCertificate_s = 60;  // a renewed one needs no restart
@@ -60,7 +60,8 @@ class Processor final : public grpc::AuthMetadataProcessor {
     const auto caller = gate_.Admit(path, Introduce(*context), TokensIn(metadata));
     if (!caller.ok()) return wire::ToGrpc(caller.status());
     if (Gate::IsStop(path)) return grpc::Status::OK;
-    return wire::ToGrpc(calls_.Room(CallBook::KeyOf(Name(caller->role), caller->name, caller->via)));
+    return wire::ToGrpc(
+        calls_.Room(CallBook::KeyOf(Name(caller->role), caller->name, caller->via)));
   }
 
  private:
@@ -133,13 +134,14 @@ class AccessImpl final : public Access {
   Gate gate_;
   std::atomic<uint64_t> connections_{0};
   CallBook calls_;
-  std::vector<Entrance> local_;                          // in use: the first local_callers_.size()
-  std::vector<std::pair<Role, uid_t>> local_callers_;    // of the listeners' thread
+  std::vector<Entrance> local_;                        // in use: the first local_callers_.size()
+  std::vector<std::pair<Role, uid_t>> local_callers_;  // of the listeners' thread
   std::optional<Entrance> network_;
+  RateLimit arrivals_{1, 20};  // lines logged; of the listeners' thread
   std::string address_;
-  std::vector<std::filesystem::path> sockets_;           // removed at the end
+  std::vector<std::filesystem::path> sockets_;  // removed at the end
   std::unique_ptr<grpc::Server> server_;
-  wire::Listeners listeners_;                            // ends before what it hands over to
+  wire::Listeners listeners_;  // ends before what it hands over to
 };
 
 Entrance AccessImpl::MakeEntrance(grpc::ServerBuilder& builder,
@@ -148,7 +150,8 @@ Entrance AccessImpl::MakeEntrance(grpc::ServerBuilder& builder,
   Entrance entrance;
   entrance.processor = std::make_shared<Processor>(gate_, calls_, connections_);
   credentials->SetAuthMetadataProcessor(entrance.processor);
-  entrance.acceptor = builder.experimental().AddExternalConnectionAcceptor(Type::FROM_FD, credentials);
+  entrance.acceptor =
+      builder.experimental().AddExternalConnectionAcceptor(Type::FROM_FD, credentials);
   return entrance;
 }
 
@@ -189,7 +192,8 @@ Status AccessImpl::BuildServer(const std::vector<grpc::Service*>& services) {
 Status AccessImpl::ListenLocally(PublishedEndpoint& endpoint) {
   std::string published;
   for (const Role role : kSocketRoles) {
-    RoleSocket socket{role, endpoint.socket_path().replace_extension(fmt::format("{}.sock", Name(role))),
+    RoleSocket socket{role,
+                      endpoint.socket_path().replace_extension(fmt::format("{}.sock", Name(role))),
                       std::nullopt};
     mode_t mode = 0600;
     if (const auto group = options_.groups.find(role); group != options_.groups.end()) {
@@ -210,14 +214,18 @@ Status AccessImpl::ListenOnTheNetwork() {
   if (!network_) return OkStatus();
   MESORIG_ASSIGN_OR_RETURN(
       address_, listeners_.AddTcp(options_.listen, [this](wire::Connection&& connection) {
-        Log("access").info("connection from {}", connection.from);
+        // Who opens one after the other is not told of each time.
+        const std::string host = connection.from.substr(0, connection.from.rfind(':'));
+        const auto now = std::chrono::steady_clock::now().time_since_epoch();
+        if (arrivals_.Take(host, std::chrono::duration<double>(now).count())) {
+          Log("access").info("connection from {}", connection.from);
+        }
         network_->Enter(connection);
       }));
   return OkStatus();
 }
 
-Status AccessImpl::Start(PublishedEndpoint& endpoint,
-                         const std::vector<grpc::Service*>& services) {
+Status AccessImpl::Start(PublishedEndpoint& endpoint, const std::vector<grpc::Service*>& services) {
   MESORIG_RETURN_IF_ERROR(BuildServer(services));
   MESORIG_RETURN_IF_ERROR(ListenOnTheNetwork());
   return ListenLocally(endpoint);
@@ -240,10 +248,9 @@ void AccessImpl::TakeLocal(const RoleSocket& socket, const wire::Connection& con
     Log("access").warn("{} as {}: refused: {}", connection.from, Name(socket.role), why);
     ::close(connection.fd);
   };
-  const bool member =
-      socket.group && (peer.gid == *socket.group ||
-                       std::find(peer.groups.begin(), peer.groups.end(), *socket.group) !=
-                           peer.groups.end());
+  const bool member = socket.group && (peer.gid == *socket.group ||
+                                       std::find(peer.groups.begin(), peer.groups.end(),
+                                                 *socket.group) != peer.groups.end());
   if (peer.uid != ::geteuid() && peer.uid != 0 && !member) return refuse("not of its group");
   const std::pair who(socket.role, peer.uid);
   auto at = std::find(local_callers_.begin(), local_callers_.end(), who);
@@ -282,8 +289,7 @@ StatusOr<std::string> CheckTlsFiles(const std::filesystem::path& dir) {
 
 }  // namespace
 
-StatusOr<std::unique_ptr<Access>> Access::Create(AccessOptions options,
-                                                 PublishedEndpoint& endpoint,
+StatusOr<std::unique_ptr<Access>> Access::Create(AccessOptions options, PublishedEndpoint& endpoint,
                                                  const std::vector<grpc::Service*>& services) {
   std::string ca_pem;
   if (!options.listen.empty()) {

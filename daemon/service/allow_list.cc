@@ -36,7 +36,7 @@ void AllowList::Read(const Stamp& stamp) {
     Log("access").info("{}: {} certificates may come in", file_.string(), fingerprints_.size());
   } else {
     Log("access").error("{}: nobody comes in over the network: {}", file_.string(),
-                  Message(text.status()));
+                        Message(text.status()));
   }
 }
 

@@ -78,9 +78,8 @@ Status CallBook::Room(const std::string& who) const {
   MutexLock lock(mutex_);
   const auto own = of_one_.find(who);
   if (own != of_one_.end() && own->second >= limits_.calls_of_one) {
-    return absl::ResourceExhaustedError(
-        fmt::format("{} calls of this caller are under way, the most that one may have",
-                    own->second));
+    return absl::ResourceExhaustedError(fmt::format(
+        "{} calls of this caller are under way, the most that one may have", own->second));
   }
   if (calls_.size() < limits_.calls) return OkStatus();
   return absl::ResourceExhaustedError(

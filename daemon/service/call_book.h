@@ -1,7 +1,7 @@
 #pragma once
 // The calls that are under way, of all services: how many somebody has; a stream whose client takes
-// nothing, or whose caller may not have it any more, is cut off. An interceptor in the server tells it
-// of every call, sync or callback: no method has to.
+// nothing, or whose caller may not have it any more, is cut off. An interceptor in the server tells
+// it of every call, sync or callback: no method has to.
 
 #include <chrono>
 #include <functional>
@@ -21,8 +21,8 @@ class ServerContextBase;
 namespace mesorig::daemon {
 
 struct CallLimits {
-  size_t calls = 1024;                     // under way, of everybody
-  size_t calls_of_one = 256;               // a consumer of frames has one a camera and session
+  size_t calls = 1024;                      // under way, of everybody
+  size_t calls_of_one = 256;                // a consumer of frames has one a camera and session
   std::chrono::milliseconds stall{60'000};  // that a client may leave a message untaken
   std::chrono::milliseconds look{500};      // how often that is looked at
 };

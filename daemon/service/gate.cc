@@ -73,9 +73,10 @@ Status Gate::CheckCertificate(const Peer& peer) const {
     return Unauthenticated("the certificate of {} has expired", peer.name);
   }
   if (allowed_ == nullptr || !allowed_->Allows(peer.fingerprint)) {
-    return Unauthenticated("the certificate of {} ({}) is not on the list of those allowed: "
-                           "revoked, or never entered",
-                           peer.name, peer.fingerprint);
+    return Unauthenticated(
+        "the certificate of {} ({}) is not on the list of those allowed: "
+        "revoked, or never entered",
+        peer.name, peer.fingerprint);
   }
   return OkStatus();
 }
@@ -125,9 +126,10 @@ StatusOr<Caller> Gate::IdentifyByToken(const Peer& gateway, std::string_view tex
   caller.name = user.name;
   caller.via = gateway.name;
   if (caller.role == Role::kNone || token.user.days() > options_.max_certificate_days) {
-    return Unauthenticated("token of {}: his certificate would not be accepted either: role \"{}\", "
-                           "valid for {:.0f} of at most {:.0f} days",
-                           user.name, user.role, token.user.days(), options_.max_certificate_days);
+    return Unauthenticated(
+        "token of {}: his certificate would not be accepted either: role \"{}\", "
+        "valid for {:.0f} of at most {:.0f} days",
+        user.name, user.role, token.user.days(), options_.max_certificate_days);
   }
   if (!known) {
     MutexLock lock(mutex_);
@@ -184,7 +186,7 @@ void Gate::Tell(std::string_view path, const Peer& peer, const Status& why, doub
     if (!refusals_.Take(peer.connection, now_s)) return;
   }
   Log("access").warn("{} over connection {} refused: {}", path.substr(0, 100), peer.connection,
-               Message(why));
+                     Message(why));
   if (options_.on_refused) options_.on_refused(path, peer, why);
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 // Decides each call before any method of ours sees it: who it is, whether its role suffices by
-// CallTable(), whether it comes too often. No gRPC in here: access.cc puts it in front of the server.
+// CallTable(), whether it comes too often. No gRPC in here: access.cc puts it in front of the
+// server.
 
 #include <cstdint>
 #include <functional>
@@ -28,11 +29,11 @@ struct Peer {
 };
 
 struct GateOptions {
-  double calls_per_s = 500, burst = 1000;      // of one caller
+  double calls_per_s = 500, burst = 1000;         // of one caller
   double refusals_per_s = 1, refusal_burst = 20;  // of one connection, that are logged and told
-  double max_certificate_days = 90;            // notAfter - notBefore
-  std::function<double()> steady_s;            // default: the steady clock
-  std::function<int64_t()> unix_s;             // default: the system's clock
+  double max_certificate_days = 90;               // notAfter - notBefore
+  std::function<double()> steady_s;               // default: the steady clock
+  std::function<int64_t()> unix_s;                // default: the system's clock
   // Told of a refusal, for the audit log. Any thread; must not wait.
   std::function<void(std::string_view path, const Peer& peer, const Status& why)> on_refused;
 };

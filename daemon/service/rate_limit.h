@@ -1,6 +1,6 @@
 #pragma once
-// How often somebody may call: a bucket of tokens each, refilled at a steady rate. Pure but for what
-// it remembers; the caller's lock.
+// How often somebody may call: a bucket of tokens each, refilled at a steady rate. Pure but for
+// what it remembers; the caller's lock.
 
 #include <map>
 #include <string>
@@ -15,7 +15,8 @@ class RateLimit {
   bool Take(const std::string& who, double now_s);
   size_t size() const { return buckets_.size(); }
 
-  static constexpr size_t kMaxBuckets = 4096;  // then full ones are forgotten, else the call refused
+  static constexpr size_t kMaxBuckets =
+      4096;  // then full ones are forgotten, else the call refused
 
  private:
   struct Bucket {

@@ -45,7 +45,8 @@ bool AddExtensions(X509& certificate, X509& issuer, const CertificateFields& fie
   X509V3_set_ctx_nodb(&context);
   X509V3_set_ctx(&context, &issuer, &certificate, nullptr, nullptr, 0);
   std::string names;
-  for (const std::string& name : fields.alternative_names) names += (names.empty() ? "" : ",") + name;
+  for (const std::string& name : fields.alternative_names)
+    names += (names.empty() ? "" : ",") + name;
   const bool ca = fields.authority;
   return AddExtension(certificate, context, NID_basic_constraints,
                       ca ? "critical,CA:TRUE,pathlen:0" : "critical,CA:FALSE") &&
@@ -68,10 +69,9 @@ bool SetSerial(X509& certificate) {
 
 bool SetNames(X509& certificate, const X509& issuer, const std::string& common_name) {
   X509_NAME* subject = X509_get_subject_name(&certificate);
-  return X509_NAME_add_entry_by_txt(
-             subject, "CN", MBSTRING_UTF8,
-             reinterpret_cast<const unsigned char*>(common_name.data()),
-             static_cast<int>(common_name.size()), -1, 0) == 1 &&
+  return X509_NAME_add_entry_by_txt(subject, "CN", MBSTRING_UTF8,
+                                    reinterpret_cast<const unsigned char*>(common_name.data()),
+                                    static_cast<int>(common_name.size()), -1, 0) == 1 &&
          X509_set_issuer_name(&certificate, X509_get_subject_name(&issuer)) == 1;
 }
 
@@ -122,9 +122,10 @@ StatusOr<CertificateFields> FieldsFor(std::string_view role, std::string_view na
                                       int days) {
   if (std::find(kCertificateRoles.begin(), kCertificateRoles.end(), role) ==
       kCertificateRoles.end()) {
-    return InvalidArgument("role \"{}\" is none of observer, processing, operator, administrator, "
-                           "gateway, daemon",
-                           role);
+    return InvalidArgument(
+        "role \"{}\" is none of observer, processing, operator, administrator, "
+        "gateway, daemon",
+        role);
   }
   if (!ValidName(name)) {
     return InvalidArgument("name \"{}\" is not 1 to {} of a-z A-Z 0-9 . _ @ -", name,

@@ -1,6 +1,7 @@
 #pragma once
 // A laboratory's own certificates: a CA, and what it signs for people, gateways and daemons
-// (docs/access.md). Keys are EC P-256. Any thread; files are written whole, keys for their owner only.
+// (docs/access.md). Keys are EC P-256. Any thread; files are written whole, keys for their owner
+// only.
 
 #include <cstdint>
 #include <filesystem>
@@ -18,9 +19,10 @@ struct KeyAndCertificate {
 
 struct CertificateFields {
   std::string common_name;
-  std::vector<std::string> alternative_names;  // "URI:mesorig:role:operator", "DNS:rig", "IP:10.0.0.7"
-  std::string extended_key_usage;              // "clientAuth", "serverAuth"; empty for a CA
-  int64_t not_before_s = 0, not_after_s = 0;   // seconds since 1970
+  std::vector<std::string>
+      alternative_names;           // "URI:mesorig:role:operator", "DNS:rig", "IP:10.0.0.7"
+  std::string extended_key_usage;  // "clientAuth", "serverAuth"; empty for a CA
+  int64_t not_before_s = 0, not_after_s = 0;  // seconds since 1970
   bool authority = false;
 };
 
@@ -40,8 +42,9 @@ StatusOr<KeyAndCertificate> MakeCertificate(const CertificateFields& fields,
 // there is a CA already.
 Status CreateAuthority(const std::filesystem::path& dir, std::string_view name, int64_t now_s);
 
-// Signs with the CA of `ca_dir` and writes key.pem (0600), cert.pem and ca.pem into `out`, which must
-// not have them. Enters it in the CA's lists: issued, and for whoever calls a daemon also allowed.
+// Signs with the CA of `ca_dir` and writes key.pem (0600), cert.pem and ca.pem into `out`, which
+// must not have them. Enters it in the CA's lists: issued, and for whoever calls a daemon also
+// allowed.
 StatusOr<Identity> IssueCertificate(const std::filesystem::path& ca_dir,
                                     const std::filesystem::path& out,
                                     const CertificateFields& fields);

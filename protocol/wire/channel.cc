@@ -82,8 +82,9 @@ StatusOr<std::shared_ptr<grpc::Channel>> ConnectTo(const Address& address, std::
                         std::chrono::milliseconds(static_cast<int64_t>(timeout_s * 1000));
   if (!channel->WaitForConnected(deadline)) {
     return Unavailable("{} does not answer at {}{}", name, where,
-                       address.host_port.empty() ? "" : ", or one of the two refuses the other's "
-                                                        "certificate (its log says which)");
+                       address.host_port.empty() ? ""
+                                                 : ", or one of the two refuses the other's "
+                                                   "certificate (its log says which)");
   }
   return channel;
 }

@@ -42,9 +42,10 @@ struct Address {
   Address(const std::string& dir) : runtime_dir(dir) {}
   Address(const char* dir) : runtime_dir(dir) {}
   std::filesystem::path runtime_dir;
-  std::string host_port;           // over the network, by mutual TLS, if not empty
-  std::filesystem::path identity;  // key.pem, cert.pem and ca.pem of the user: `mesorig certs issue`
-  std::string role;                // of the local socket; empty: the most that there is
+  std::string host_port;  // over the network, by mutual TLS, if not empty
+  std::filesystem::path
+      identity;      // key.pem, cert.pem and ca.pem of the user: `mesorig certs issue`
+  std::string role;  // of the local socket; empty: the most that there is
 };
 
 // Waits until `name` answers, at most `timeout_s`. Unavailable: "mesorigd is not running (...)" or

@@ -33,8 +33,9 @@ Status TakeUri(std::string_view uri, Identity& identity) {
   const std::string_view value = uri.substr(role ? kRole.size() : kUser.size());
   if (!field.empty()) return InvalidArgument("certificate: two URIs {}...", role ? kRole : kUser);
   if (!ValidName(value)) {
-    return InvalidArgument("certificate: the value of its URI {}... is not 1 to {} of a-z A-Z 0-9 . _ @ -",
-                           role ? kRole : kUser, kMaxNameLength);
+    return InvalidArgument(
+        "certificate: the value of its URI {}... is not 1 to {} of a-z A-Z 0-9 . _ @ -",
+        role ? kRole : kUser, kMaxNameLength);
   }
   field = value;
   return OkStatus();
@@ -119,8 +120,8 @@ StatusOr<Identity> ReadIdentityDer(std::string_view der) {
 
 bool ValidName(std::string_view name) {
   const auto valid = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-           c == '.' || c == '_' || c == '@' || c == '-';
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' ||
+           c == '_' || c == '@' || c == '-';
   };
   return !name.empty() && name.size() <= kMaxNameLength && name[0] != '.' && name[0] != '-' &&
          std::all_of(name.begin(), name.end(), valid);

@@ -23,6 +23,7 @@ namespace mesorig::wire {
 namespace {
 
 constexpr int kBacklog = 64;
+constexpr std::chrono::seconds kBetweenLines{1};
 constexpr int kExhausted_ms = 100;  // without descriptors: until the next try
 
 LocalPeer PeerOf(int fd) {
@@ -112,9 +113,9 @@ Status Listeners::AddUnix(const std::filesystem::path& path, mode_t mode,
   if (made && group) made = ::chown(path.c_str(), static_cast<uid_t>(-1), *group) == 0;
   made = made && ::chmod(path.c_str(), mode) == 0 && ::listen(fd, kBacklog) == 0;
   if (!made) {
-    const Status status = FailedPrecondition("{}: cannot be listened on with mode {:o}{}: {}",
-                                             path.string(), mode, group ? " and its group" : "",
-                                             std::strerror(errno));
+    const Status status =
+        FailedPrecondition("{}: cannot be listened on with mode {:o}{}: {}", path.string(), mode,
+                           group ? " and its group" : "", std::strerror(errno));
     ::close(fd);
     return status;
   }
@@ -134,8 +135,7 @@ StatusOr<std::string> Listeners::AddTcp(const std::string& host_port, Take take)
   addrinfo hints{}, *found = nullptr;
   hints.ai_socktype = SOCK_STREAM;
   hints.ai_flags = AI_PASSIVE;
-  if (const int error =
-          ::getaddrinfo(host.c_str(), host_port.c_str() + colon + 1, &hints, &found);
+  if (const int error = ::getaddrinfo(host.c_str(), host_port.c_str() + colon + 1, &hints, &found);
       error != 0) {
     return InvalidArgument("\"{}\": {}", host_port, ::gai_strerror(error));
   }
@@ -206,12 +206,21 @@ void Listeners::Accept(const Listener& listener) {
     who = AddressText(address, size, false);
   }
   if (const std::string reason = WhyNot(who); !reason.empty()) {
-    Log("access").warn("connection from {} refused: {}", connection.from, reason);
-    ::close(fd);
-    return;
+    return Refuse(connection, reason);
   }
   open_.push_back({fd, InodeOf(fd), std::move(who)});
   listener.take(std::move(connection));
+}
+
+void Listeners::Refuse(const Connection& connection, std::string_view reason) {
+  ::close(connection.fd);
+  ++untold_;
+  const auto now = std::chrono::steady_clock::now();
+  if (now - told_ < kBetweenLines) return;
+  Log("access").warn("connection from {} refused: {} ({} since the last such line)",
+                     connection.from, reason, untold_);
+  told_ = now;
+  untold_ = 0;
 }
 
 std::string Listeners::WhyNot(const std::string& who) {

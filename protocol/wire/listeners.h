@@ -1,9 +1,10 @@
 #pragma once
-// Sockets that this program accepts on itself, to see who comes before anything is read: the uid and
-// groups of a local peer, how many are there already. One thread for all of them.
+// Sockets that this program accepts on itself, to see who comes before anything is read: the uid
+// and groups of a local peer, how many are there already. One thread for all of them.
 
 #include <sys/types.h>
 
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -73,13 +74,17 @@ class Listeners {
   };
   void Run();
   void Accept(const Listener& listener);
+  // Logs at most one refusal a second.
+  void Refuse(const Connection& connection, std::string_view reason);
   // Empty: one more may come.
   std::string WhyNot(const std::string& who);
 
   const ListenerLimits limits_;
   std::vector<Listener> listeners_;
-  std::vector<Open> open_;  // of the thread
-  int wake_[2] = {-1, -1};  // closed to end the thread
+  std::vector<Open> open_;                      // of the thread
+  std::chrono::steady_clock::time_point told_;  // when a refusal was last logged
+  int untold_ = 0;                              // refusals since
+  int wake_[2] = {-1, -1};                      // closed to end the thread
   std::thread thread_;
 };
 

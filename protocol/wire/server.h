@@ -15,11 +15,11 @@ class Service;
 namespace mesorig::wire {
 
 // Before the first gRPC object of a process, on the main thread before there are others: keeps gRPC
-// initialised, and has it speak TLS 1.3 only.
+// initialised, has it speak TLS 1.3 only, and takes its messages into our log.
 void PrepareGrpc();
 
-// Listens on `endpoint.socket_path()`, which only its owner may open, and publishes it. Services are borrowed for the server's
-// life. The caller ends it with grpc::Server::Shutdown.
+// Listens on `endpoint.socket_path()`, which only its owner may open, and publishes it. Services
+// are borrowed for the server's life. The caller ends it with grpc::Server::Shutdown.
 StatusOr<std::unique_ptr<grpc::Server>> StartServer(PublishedEndpoint& endpoint,
                                                     const std::vector<grpc::Service*>& services);
 

@@ -144,7 +144,8 @@ StatusOr<Token> TokenVerifier::Verify(std::string_view text, int64_t now_s) cons
   // (Compared before it is subtracted: the numbers are anybody's.)
   if (token.expires_s <= now_s) return Unauthenticated("token: expired");
   if (token.issued_s > now_s + kClockSkew_s) return Unauthenticated("token: issued in the future");
-  if (token.issued_s < now_s - kMaxTokenLife_s || token.expires_s > token.issued_s + kMaxTokenLife_s) {
+  if (token.issued_s < now_s - kMaxTokenLife_s ||
+      token.expires_s > token.issued_s + kMaxTokenLife_s) {
     return Unauthenticated("token: lasts longer than {} s", kMaxTokenLife_s);
   }
   const OwnedX509 certificate = ParseDer(token.certificate);

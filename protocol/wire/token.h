@@ -1,8 +1,8 @@
 #pragma once
 // What a user gives a gateway, so that it may act for him: his certificate, the fingerprint of the
 // gateway's certificate, when it was issued, when it ends (minutes later) and a nonce, signed with
-// his key. The gateway sends it with each call as metadata kTokenKey. A gateway has no rights of its
-// own; somebody who copies the token lacks the gateway's key.
+// his key. The gateway sends it with each call as metadata kTokenKey. A gateway has no rights of
+// its own; somebody who copies the token lacks the gateway's key.
 //
 // Base64 of (little-endian): "MTK1", gateway fingerprint, i64 issued, i64 expires (seconds since
 // 1970), nonce (16 bytes), certificate (DER), signature (ECDSA or what the key is, SHA-256) of all
@@ -45,17 +45,18 @@ class TokenVerifier {
  public:
   // Without a CA (empty) it refuses all.
   explicit TokenVerifier(std::string ca_pem) : ca_pem_(std::move(ca_pem)) {}
-  // The token's form, signature, times at `now_s`, and the certificate's chain, purpose and validity.
-  // Unauthenticated tells what is wrong. Whom it may serve, and how often, is the TokenBook's.
+  // The token's form, signature, times at `now_s`, and the certificate's chain, purpose and
+  // validity. Unauthenticated tells what is wrong. Whom it may serve, and how often, is the
+  // TokenBook's.
   StatusOr<Token> Verify(std::string_view text, int64_t now_s) const;
 
  private:
   const std::string ca_pem_;
 };
 
-// One token serves one connection of one gateway: the first that it comes over. Kept in memory until
-// tokens end; those issued before the book was opened are refused, so that a restart forgets nothing
-// that matters. The caller's lock.
+// One token serves one connection of one gateway: the first that it comes over. Kept in memory
+// until tokens end; those issued before the book was opened are refused, so that a restart forgets
+// nothing that matters. The caller's lock.
 class TokenBook {
  public:
   explicit TokenBook(int64_t opened_s) : opened_s_(opened_s) {}
@@ -74,8 +75,8 @@ class TokenBook {
     std::string text_sha256, connection;
   };
   const int64_t opened_s_;
-  std::map<std::string, Entry> entries_;            // by user's fingerprint and nonce
-  std::map<std::string, const Entry*> by_text_;     // by text_sha256
+  std::map<std::string, Entry> entries_;         // by user's fingerprint and nonce
+  std::map<std::string, const Entry*> by_text_;  // by text_sha256
 };
 
 }  // namespace mesorig::wire

@@ -1,5 +1,5 @@
-// What peers say they are: a token, a certificate in PEM or DER, a list of allowed certificates. The
-// first byte of the input chooses: 't', 'p', 'd', 'a'; the rest is it.
+// What peers say they are: a token, a certificate in PEM or DER, a list of allowed certificates.
+// The first byte of the input chooses: 't', 'p', 'd', 'a'; the rest is it.
 
 #include "daemon/service/allow_list.h"
 #include "protocol/wire/identity.h"

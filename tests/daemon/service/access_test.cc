@@ -42,8 +42,7 @@ TEST_F(LocalAccessTest, TheSocketSaysTheRole) {
   const auto observer = As("observer");
   EXPECT_TRUE(Call(*observer, &Stub::GetStatus, v1::StatusRequest(), v1::StatusReply()).ok());
   EXPECT_TRUE(Call(*observer, &Stub::Stop, v1::StopRequest(), v1::StopReply()).ok());
-  const grpc::Status refused =
-      Call(*observer, &Stub::Abort, v1::AbortRequest(), v1::AbortReply());
+  const grpc::Status refused = Call(*observer, &Stub::Abort, v1::AbortRequest(), v1::AbortReply());
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::PERMISSION_DENIED);
   EXPECT_NE(refused.error_message().find("Control/Abort takes the role operator"),
             std::string::npos)

@@ -38,8 +38,7 @@ TEST(AllowList, ADamagedListLetsNobodyElseIn) {
   std::mt19937 random(3);
   int lost = 0;
   for (int i = 0; i < 2000; ++i) {
-    const auto found =
-        ReadAllowed(test::Damaged(text, random, 1 + i % 3, " \n#ABCDEFghijklm"));
+    const auto found = ReadAllowed(test::Damaged(text, random, 1 + i % 3, " \n#ABCDEFghijklm"));
     for (const std::string& fingerprint : found) {
       // (A digit may be damaged to another one: then it is nobody's.)
       EXPECT_EQ(fingerprint.size(), 64u);

@@ -17,8 +17,8 @@ namespace {
 // Every method of every service in the files of messages that mesorigd serves.
 std::set<std::string> MethodsServed() {
   std::set<std::string> methods;
-  for (const auto* file : {v1::HelloRequest::descriptor()->file(),
-                           v1::SessionRequest::descriptor()->file()}) {
+  for (const auto* file :
+       {v1::HelloRequest::descriptor()->file(), v1::SessionRequest::descriptor()->file()}) {
     for (int i = 0; i < file->service_count(); ++i) {
       const auto* service = file->service(i);
       for (int j = 0; j < service->method_count(); ++j) {
@@ -47,8 +47,9 @@ TEST(CallTable, HasEveryMethodOfEveryServiceOnceAndNoOther) {
 }
 
 std::string Rendered() {
-  std::string text = "| call | observer | processing | operator | administrator | lease | audited |\n"
-                     "| --- | --- | --- | --- | --- | --- | --- |\n";
+  std::string text =
+      "| call | observer | processing | operator | administrator | lease | audited |\n"
+      "| --- | --- | --- | --- | --- | --- | --- |\n";
   for (const CallRule& rule : CallTable()) {
     text += fmt::format("| {} |", rule.method);
     for (int role = 1; role < kRoles; ++role) {

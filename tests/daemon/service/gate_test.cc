@@ -1,4 +1,5 @@
-// The gate alone, with clocks that the test sets. What comes in over real doors: network_access_test.
+// The gate alone, with clocks that the test sets. What comes in over real doors:
+// network_access_test.
 
 #include "daemon/service/gate.h"
 
@@ -91,7 +92,8 @@ TEST_F(GateTest, RefusalsAreToldWithWhoAndWhyButNotWithoutEnd) {
   local.role = "observer", local.name = "otto", local.connection = "1";
   for (int i = 0; i < 100; ++i) EXPECT_FALSE(gate.Admit(kRun, local, {}).ok());
   ASSERT_EQ(told_.size(), 20u);
-  EXPECT_EQ(told_[0], std::string(kRun) + " otto Control/Run takes the role operator; otto has observer");
+  EXPECT_EQ(told_[0],
+            std::string(kRun) + " otto Control/Run takes the role operator; otto has observer");
   steady_s_ += 3;
   for (int i = 0; i < 100; ++i) EXPECT_FALSE(gate.Admit(kRun, local, {}).ok());
   EXPECT_EQ(told_.size(), 23u);
@@ -102,8 +104,9 @@ TEST_F(GateTest, PathsThatAreNoCallsAreRefused) {
   Peer local;
   local.role = "administrator", local.name = "root", local.connection = "1";
   for (const std::string& path :
-       {std::string(), std::string("/"), std::string(100'000, 'x'), std::string("/mesorig.v1.Control/"),
-        std::string("/mesorig.v1.Control/Run\0", 24), std::string("/mesorig.v1.Processing/GetProducts")}) {
+       {std::string(), std::string("/"), std::string(100'000, 'x'),
+        std::string("/mesorig.v1.Control/"), std::string("/mesorig.v1.Control/Run\0", 24),
+        std::string("/mesorig.v1.Processing/GetProducts")}) {
     EXPECT_TRUE(absl::IsPermissionDenied(gate.Admit(path, local, {}).status()));
   }
 }

@@ -70,8 +70,15 @@ std::string ClientHello() {
 }
 
 std::string Frame(char type, char flags, char stream, const std::string& payload) {
-  std::string frame = {0, static_cast<char>(payload.size() >> 8), static_cast<char>(payload.size()),
-                       type, flags, 0, 0, 0, stream};
+  std::string frame = {0,
+                       static_cast<char>(payload.size() >> 8),
+                       static_cast<char>(payload.size()),
+                       type,
+                       flags,
+                       0,
+                       0,
+                       0,
+                       stream};
   return frame + payload;
 }
 
@@ -81,9 +88,9 @@ std::string CallAsBytes(const std::string& path) {
     return std::string(1, '\0') + static_cast<char>(name.size()) + name +
            static_cast<char>(value.size()) + value;
   };
-  const std::string headers = std::string("\x83\x86") + literal(":path", path) +
-                              literal(":authority", "localhost") +
-                              literal("content-type", "application/grpc") + literal("te", "trailers");
+  const std::string headers =
+      std::string("\x83\x86") + literal(":path", path) + literal(":authority", "localhost") +
+      literal("content-type", "application/grpc") + literal("te", "trailers");
   return "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + Frame(4, 0, 0, "") + Frame(1, 4, 1, headers) +
          Frame(0, 1, 1, std::string(5, '\0'));
 }
@@ -136,8 +143,9 @@ TEST_F(HostilePeersTest, NonsenseInsteadOfHttpHarmsNothing) {
   std::mt19937 random(2);
   for (int i = 0; i < 400; ++i) {
     SendAndLeave(ConnectUnix(Socket("observer")),
-                 i % 10 == 0 ? call.substr(0, random() % call.size())
-                             : test::Damaged(call, random, 1 + i % 8, std::string("\x01\x04\xff", 3)));
+                 i % 10 == 0
+                     ? call.substr(0, random() % call.size())
+                     : test::Damaged(call, random, 1 + i % 8, std::string("\x01\x04\xff", 3)));
   }
   EXPECT_EQ(sequencer_.commands().size(), 1u);
   grpc::ClientContext context;
@@ -147,8 +155,7 @@ TEST_F(HostilePeersTest, NonsenseInsteadOfHttpHarmsNothing) {
 
 TEST_F(HostilePeersTest, AStreamEndsWhenItsCallerIsRevoked) {
   const wire::KeyAndCertificate anna = lab_.Make("observer", "anna");
-  const auto stub =
-      v1::Control::NewStub(Dial(access_->address(), lab_.ca.certificate_pem, &anna));
+  const auto stub = v1::Control::NewStub(Dial(access_->address(), lab_.ca.certificate_pem, &anna));
   grpc::ClientContext context;
   const auto stream = stub->Watch(&context, v1::WatchRequest());
   sequencer_.Emit({});

@@ -80,7 +80,8 @@ class Laboratory {
 
  private:
   void WriteAllowed() const {
-    EXPECT_TRUE(WriteFileAtomically(tls_dir() / kAllowedFile, "# who may come in\n" + allowed_).ok());
+    EXPECT_TRUE(
+        WriteFileAtomically(tls_dir() / kAllowedFile, "# who may come in\n" + allowed_).ok());
   }
   TemporaryFolder folder_;
   std::string allowed_;

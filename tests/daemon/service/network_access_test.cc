@@ -1,5 +1,5 @@
-// Every call, as every role, with every kind of certificate and token that must not get in; made from
-// CallTable(), so that a new call is tested without a line here.
+// Every call, as every role, with every kind of certificate and token that must not get in; made
+// from CallTable(), so that a new call is tested without a line here.
 
 #include <openssl/ssl.h>
 
@@ -120,7 +120,8 @@ TEST_F(NetworkAccessTest, EveryCallThroughAGatewayIsTheUsers) {
                     "otto via console");
     }
     lab_.Revoke(user);
-    ExpectRefused(channel, StatusCode::UNAUTHENTICATED, {{wire::kTokenKey, token}}, "not on the list");
+    ExpectRefused(channel, StatusCode::UNAUTHENTICATED, {{wire::kTokenKey, token}},
+                  "not on the list");
   }
 }
 
@@ -140,7 +141,8 @@ TEST_F(NetworkAccessTest, EveryCallWithAWrongTokenIsRefused) {
     const std::string token = lab_.TokenOf(user, gateway);
     refused(DialAs(&other), token, "another gateway");
     refused(DialAs(&user), token, "only gateways forward");
-    EXPECT_TRUE(AnyCall(channel, "/mesorig.v1.Control/Hello", {{wire::kTokenKey, token}}).status.ok());
+    EXPECT_TRUE(
+        AnyCall(channel, "/mesorig.v1.Control/Hello", {{wire::kTokenKey, token}}).status.ok());
     // Its nonce served the first connection: the gateway's next one takes a new token.
     refused(DialAs(&gateway), token, "used before");
     refused(channel, lab_.TokenOf(user, gateway, lab_.now_s - 400, 300), "expired");
@@ -163,8 +165,7 @@ TEST_F(NetworkAccessTest, NothingButTls13GetsIn) {
   Open(lab_.Options());
   const KeyAndCertificate who = lab_.Make("administrator", "anna");
   // Plain TCP, by a client that knows no better and by ours, which does not even try.
-  const auto plain =
-      grpc::CreateChannel(access_->address(), grpc::InsecureChannelCredentials());
+  const auto plain = grpc::CreateChannel(access_->address(), grpc::InsecureChannelCredentials());
   EXPECT_EQ(AnyCall(plain, "/mesorig.v1.Control/Hello").status.error_code(),
             StatusCode::UNAVAILABLE);
   EXPECT_EQ(AnyCall(wire::MakeChannel(access_->address()), "/mesorig.v1.Control/Hello")
@@ -192,9 +193,9 @@ TEST_F(NetworkAccessTest, NothingButTls13GetsIn) {
 
 TEST_F(NetworkAccessTest, OurClientComesInWithItsFolder) {
   Open(lab_.Options());
-  ASSERT_TRUE(wire::IssueCertificate(lab_.ca_dir(), lab_.path("anna"),
-                                     lab_.Fields("operator", "anna"))
-                  .ok());
+  ASSERT_TRUE(
+      wire::IssueCertificate(lab_.ca_dir(), lab_.path("anna"), lab_.Fields("operator", "anna"))
+          .ok());
   ASSERT_TRUE(WriteFileAtomically(lab_.tls_dir() / kAllowedFile,
                                   ReadFile(lab_.ca_dir() / "allowed").value())
                   .ok());
@@ -219,10 +220,10 @@ TEST_F(NetworkAccessTest, AClientTrustsNoOtherDaemon) {
   authority.authority = true;
   authority.not_before_s = lab_.now_s - kDay_s, authority.not_after_s = lab_.now_s + kDay_s;
   const KeyAndCertificate other_ca = wire::MakeCertificate(authority, nullptr).value();
-  EXPECT_EQ(AnyCall(Dial(access_->address(), other_ca.certificate_pem, &who),
-                    "/mesorig.v1.Control/Hello")
-                .status.error_code(),
-            StatusCode::UNAVAILABLE);
+  EXPECT_EQ(
+      AnyCall(Dial(access_->address(), other_ca.certificate_pem, &who), "/mesorig.v1.Control/Hello")
+          .status.error_code(),
+      StatusCode::UNAVAILABLE);
 }
 
 TEST_F(NetworkAccessTest, CallsAreLimitedButNeverStop) {

@@ -51,8 +51,8 @@ TEST_F(CertificatesTest, AnIssuedCertificateSaysWhoItStandsFor) {
   }
   EXPECT_EQ(ReadFile(dir_ / "ca" / "allowed").value(), ListLine(*identity) + "\n");
   // Nothing is overwritten.
-  EXPECT_TRUE(absl::IsFailedPrecondition(
-      IssueCertificate(dir_ / "ca", dir_ / "anna", *fields).status()));
+  EXPECT_TRUE(
+      absl::IsFailedPrecondition(IssueCertificate(dir_ / "ca", dir_ / "anna", *fields).status()));
   EXPECT_TRUE(absl::IsFailedPrecondition(CreateAuthority(dir_ / "ca", "lab", kNow)));
 }
 
@@ -153,8 +153,8 @@ TEST_F(CertificatesTest, ADamagedCertificateHarmsNothing) {
   std::mt19937 random(6);
   int refused = 0;
   for (int i = 0; i < 2000; ++i) {
-    const auto identity = ReadIdentityPem(
-        test::Damaged(pem, random, 1 + i % 4, "ABCDabcd0123+/=-\n"));
+    const auto identity =
+        ReadIdentityPem(test::Damaged(pem, random, 1 + i % 4, "ABCDabcd0123+/=-\n"));
     if (!identity.ok()) {
       ++refused;
       continue;

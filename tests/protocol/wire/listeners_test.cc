@@ -123,7 +123,8 @@ TEST_F(ListenersTest, AClientTakesTheSocketWithTheMostRightsThatItMayOpen) {
   auto endpoint = PublishedEndpoint::Claim(dir_, "d").value();
   ASSERT_TRUE(listeners_.AddUnix(dir_ / "low", 0600, std::nullopt, Keep()).ok());
   const std::string low = "unix:" + (dir_ / "low").string();
-  ASSERT_TRUE(endpoint.Publish(fmt::format("high unix:{}/gone\nlow {}\n", dir_.string(), low)).ok());
+  ASSERT_TRUE(
+      endpoint.Publish(fmt::format("high unix:{}/gone\nlow {}\n", dir_.string(), low)).ok());
   EXPECT_EQ(LocalEndpoint(dir_, "d").value(), low);
   EXPECT_EQ(LocalEndpoint(dir_, "d", "low").value(), low);
   EXPECT_FALSE(LocalEndpoint(dir_, "d", "other").ok());
