@@ -41,11 +41,17 @@ struct SessionJob {
   bool accept_reference = false;     // whatever the reference frame shows
 };
 
-// A value read back from the rig, with when.
+enum class ReadingSource : uint8_t {
+  kReadBack,   // the device said so
+  kCommanded,  // it was told so
+};
+
+// A value of the rig, with when it was read or commanded.
 struct Reading {
   std::string name, unit;
   double value = 0;
   RigTime read_at{};
+  ReadingSource source = ReadingSource::kReadBack;
 };
 
 struct SequencerStatus {

@@ -38,6 +38,9 @@ class Axis {
   // Begins a move and returns. InvalidArgument beyond the soft limits; FailedPrecondition when not
   // enabled or not referenced.
   virtual Status StartMove(double target_rad) = 0;
+  // The speed of the moves that begin from now on, until Enable makes it the rig's fastest again.
+  // InvalidArgument beyond (0, max_velocity_rad_s].
+  virtual Status SetSpeed(double rad_s) { return Unimplemented("{}: speed {}", name(), rad_s); }
   // Blocks until the target is reached (read back within the rig's tolerance), at most until
   // `deadline` (DeadlineExceeded), or until the drive reports a fault (Unavailable names it). An axis
   // that does not follow, or comes to rest somewhere else (stuck, lost steps), is Unavailable; the

@@ -272,6 +272,14 @@ Status Cia402Axis::StartMove(double target_rad) {
   return SendSetPoint(kEnableOperation, target_);
 }
 
+Status Cia402Axis::SetSpeed(double rad_s) {
+  if (!(rad_s > 0 && rad_s <= axis_.max_velocity_rad_s)) {
+    return InvalidArgument("{}: speed {:.4g} deg/s is not in (0, {:.4g}] deg/s", device_,
+                           DegFromRad(rad_s), DegFromRad(axis_.max_velocity_rad_s));
+  }
+  return sdo_.Write(kProfileVelocity, Counts(rad_s));
+}
+
 std::string Cia402Axis::Angles(int32_t position) const {
   return fmt::format("commanded {:.4f} deg, it stands at {:.4f} deg",
                      DegFromRad(target_ / CountsPerRad()), DegFromRad(position / CountsPerRad()));

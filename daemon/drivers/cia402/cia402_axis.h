@@ -39,6 +39,7 @@ class Cia402Axis final : public Axis {
   Status StartHoming() override;
   Status AwaitHoming(RigTime deadline) override;
   Status StartMove(double target_rad) override;
+  Status SetSpeed(double rad_s) override;
   Status AwaitMove(RigTime deadline) override;
   Status CheckHolds() const override;
   Status QuickStop() override;

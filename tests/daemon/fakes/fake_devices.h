@@ -86,6 +86,9 @@ class FakeAxis final : public Axis {
     Begin(target_rad, FromSeconds(MoveSeconds(axis_, target_rad - reading.position_rad)));
     return OkStatus();
   }
+  Status SetSpeed(double rad_s) override {
+    return Say(fmt::format("speed {:.0f}", DegFromRad(rad_s)));
+  }
   Status AwaitMove(RigTime deadline) override {
     MESORIG_RETURN_IF_ERROR(Say("there"));
     return Arrive(deadline);
