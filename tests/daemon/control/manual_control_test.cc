@@ -171,6 +171,7 @@ TEST(ManualControl, AJogEndsWhenNobodyHoldsIt) {
   EXPECT_EQ(stopped, (last + 200 * kMs).count());
   EXPECT_FALSE(hand.axes[0]->Read().enabled);
   EXPECT_TRUE(hand.manual->GetStatus().doing.empty());
+  hand.manual.reset();
 }
 
 TEST(ManualControl, AJogEndsWhenItIsLetGoAndFollowsItsRate) {
@@ -257,6 +258,7 @@ TEST_P(ManualControlCut, AtEachOperation) {
     for (auto& order : orders) ends.push_back(order.get());
     hand.manual->Close(2, "the end");
     hand.ExpectOff();
+    hand.manual.reset();  // the listener's variables go before it
     if (!cut) {
       EXPECT_GT(at, 8);
       break;
