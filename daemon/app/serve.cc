@@ -95,13 +95,17 @@ Status Serve(const ServeOptions& options) {
                            PublishedEndpoint::Claim(options.runtime_dir, wire::kDaemonName));
   MESORIG_ASSIGN_OR_RETURN(const auto rig,
                            SimulatedRig::Connect(options.runtime_dir, rig_description));
-  const auto service = DaemonService::Create(rig_description, rig->sequencer(), options.state_dir);
+  MESORIG_ASSIGN_OR_RETURN(const auto service,
+                           DaemonService::Create(rig_description, rig->sequencer(),
+                                                 options.state_dir, &rig->manual()));
   if (Safety* safety = rig->sequencer().safety()) {
     MESORIG_RETURN_IF_ERROR(
         safety->KeepLampHours(std::filesystem::path(options.state_dir) / "lamp_hours.tsv"));
   }
+  AccessOptions access_options = options.access;
+  access_options.audit = &service->audit();
   MESORIG_ASSIGN_OR_RETURN(const auto access,
-                           Access::Create(options.access, endpoint, service->services()));
+                           Access::Create(access_options, endpoint, service->services()));
   Log("program").info("rig {} ({}), sessions in {}, at {}{}", rig_description.name, options.rig,
                options.state_dir, endpoint.socket_path().parent_path().string(),
                access->address().empty() ? "" : " and with TLS at " + access->address());

@@ -8,6 +8,7 @@
 #include "daemon/bus/sim_can_port.h"
 #include "daemon/bus/sim_line_port.h"
 #include "daemon/bus/sim_usb_port.h"
+#include "daemon/control/manual_control.h"
 #include "daemon/control/sequencer.h"
 #include "daemon/drivers/driver.h"
 #include "protocol/sim_wire/sim_link.h"
@@ -25,6 +26,7 @@ class SimulatedRig {
                                                          const Rig& rig);
 
   Sequencer& sequencer() { return *sequencer_; }
+  ManualControl& manual() { return *manual_; }
   // OK while the simulator is there.
   Status health() const { return link_->health(); }
 
@@ -48,6 +50,7 @@ class SimulatedRig {
   std::unique_ptr<LineLaser> laser_;
   std::vector<std::unique_ptr<Camera>> cameras_;
   std::unique_ptr<Sequencer> sequencer_;
+  std::unique_ptr<ManualControl> manual_;
 };
 
 }  // namespace mesorig::daemon

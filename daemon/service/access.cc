@@ -11,6 +11,7 @@
 #include <array>
 #include <atomic>
 
+#include "daemon/service/audit_interceptor.h"
 #include "daemon/service/auth_properties.h"
 #include "protocol/base/file_writer.h"
 #include "protocol/base/log.h"
@@ -44,8 +45,10 @@ std::vector<std::string_view> TokensIn(const Metadata& metadata) {
 // In front of all methods. One for the network, one for each pair of role and uid.
 class Processor final : public grpc::AuthMetadataProcessor {
  public:
-  Processor(Gate& gate, CallBook& calls, std::atomic<uint64_t>& connections)
-      : gate_(gate), calls_(calls), connections_(connections) {}
+  // `refusals` may be null.
+  Processor(Gate& gate, CallBook& calls, std::atomic<uint64_t>& connections,
+            RefusalRecorder* refusals)
+      : gate_(gate), calls_(calls), connections_(connections), refusals_(refusals) {}
   // Whose all its connections are. Without it peers have certificates.
   void SetLocal(Peer peer) EXCLUDES(mutex_) {
     MutexLock lock(mutex_);
@@ -57,14 +60,21 @@ class Processor final : public grpc::AuthMetadataProcessor {
                        OutputMetadata*) override {
     const auto found = metadata.find(":path");
     const std::string_view path = found == metadata.end() ? "" : View(found->second);
-    const auto caller = gate_.Admit(path, Introduce(*context), TokensIn(metadata));
-    if (!caller.ok()) return wire::ToGrpc(caller.status());
-    if (Gate::IsStop(path)) return grpc::Status::OK;
-    return wire::ToGrpc(
-        calls_.Room(CallBook::KeyOf(Name(caller->role), caller->name, caller->via)));
+    const Peer peer = Introduce(*context);
+    const Status admitted = Admit(path, peer, metadata);
+    if (!admitted.ok() && refusals_ != nullptr) {
+      refusals_->Record({RoleNamed(peer.role), peer.name, "connection " + peer.connection, ""},
+                        path, admitted);
+    }
+    return wire::ToGrpc(admitted);
   }
 
  private:
+  Status Admit(std::string_view path, const Peer& peer, const Metadata& metadata) {
+    const auto caller = gate_.Admit(path, peer, TokensIn(metadata));
+    if (!caller.ok() || Gate::IsStop(path)) return caller.status();
+    return calls_.Room(CallBook::KeyOf(Name(caller->role), caller->name, caller->via));
+  }
   // The first call of a connection writes, under the lock; later ones find it written.
   Peer Introduce(grpc::AuthContext& context) EXCLUDES(mutex_) {
     MutexLock lock(mutex_);
@@ -81,6 +91,7 @@ class Processor final : public grpc::AuthMetadataProcessor {
   Gate& gate_;
   CallBook& calls_;
   std::atomic<uint64_t>& connections_;
+  RefusalRecorder* const refusals_;
   Mutex mutex_;
   std::optional<Peer> local_ GUARDED_BY(mutex_);
 };
@@ -111,7 +122,9 @@ class AccessImpl final : public Access {
         allowed_(options_.tls_dir / kAllowedFile),
         gate_(options_.gate, options_.listen.empty() ? nullptr : &allowed_, std::move(ca_pem)),
         calls_(options_.calls, [this](const auto& context) { return StillWelcome(context); }),
-        listeners_(options_.limits) {}
+        listeners_(options_.limits) {
+    if (options_.audit != nullptr) refusals_.emplace(*options_.audit);
+  }
   ~AccessImpl() override { Shutdown(std::chrono::system_clock::now()); }
 
   Status Start(PublishedEndpoint& endpoint, const std::vector<grpc::Service*>& services);
@@ -133,6 +146,7 @@ class AccessImpl final : public Access {
   AllowList allowed_;
   Gate gate_;
   std::atomic<uint64_t> connections_{0};
+  std::optional<RefusalRecorder> refusals_;
   CallBook calls_;
   std::vector<Entrance> local_;                        // in use: the first local_callers_.size()
   std::vector<std::pair<Role, uid_t>> local_callers_;  // of the listeners' thread
@@ -148,7 +162,8 @@ Entrance AccessImpl::MakeEntrance(grpc::ServerBuilder& builder,
                                   const std::shared_ptr<grpc::ServerCredentials>& credentials) {
   using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
   Entrance entrance;
-  entrance.processor = std::make_shared<Processor>(gate_, calls_, connections_);
+  entrance.processor = std::make_shared<Processor>(gate_, calls_, connections_,
+                                                   refusals_ ? &*refusals_ : nullptr);
   credentials->SetAuthMetadataProcessor(entrance.processor);
   entrance.acceptor =
       builder.experimental().AddExternalConnectionAcceptor(Type::FROM_FD, credentials);
@@ -183,7 +198,10 @@ Status AccessImpl::BuildServer(const std::vector<grpc::Service*>& services) {
   set(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10'000);
   set(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   for (grpc::Service* service : services) builder.RegisterService(service);
-  calls_.Watch(builder);
+  std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
+  interceptors.push_back(calls_.MakeWatches());
+  if (options_.audit != nullptr) interceptors.push_back(MakeAuditInterceptors(*options_.audit));
+  builder.experimental().SetInterceptorCreators(std::move(interceptors));
   server_ = builder.BuildAndStart();
   if (server_ == nullptr) return FailedPrecondition("gRPC starts no server");
   return OkStatus();

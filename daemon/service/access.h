@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "daemon/service/audit_log.h"
 #include "daemon/service/call_book.h"
 #include "daemon/service/caller.h"
 #include "daemon/service/gate.h"
@@ -33,6 +34,7 @@ struct AccessOptions {
   wire::ListenerLimits limits;
   CallLimits calls;
   std::chrono::milliseconds handshake{5000};  // until TLS and HTTP/2 are agreed on
+  AuditLog* audit = nullptr;  // borrowed: records audited calls, and what is refused
 };
 
 // Files of the TLS folder.

@@ -63,10 +63,8 @@ CallBook::~CallBook() {
   thread_.join();
 }
 
-void CallBook::Watch(grpc::ServerBuilder& builder) {
-  std::vector<std::unique_ptr<ge::ServerInterceptorFactoryInterface>> factories;
-  factories.push_back(std::make_unique<CallWatches>(*this));
-  builder.experimental().SetInterceptorCreators(std::move(factories));
+std::unique_ptr<ge::ServerInterceptorFactoryInterface> CallBook::MakeWatches() {
+  return std::make_unique<CallWatches>(*this);
 }
 
 std::string CallBook::KeyOf(std::string_view role, std::string_view name, std::string_view via) {

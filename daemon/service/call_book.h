@@ -14,8 +14,10 @@
 #include "protocol/base/status.h"
 
 namespace grpc {
-class ServerBuilder;
 class ServerContextBase;
+namespace experimental {
+class ServerInterceptorFactoryInterface;
+}
 }  // namespace grpc
 
 namespace mesorig::daemon {
@@ -34,7 +36,8 @@ class CallBook {
   using Welcome = std::function<Status(const grpc::ServerContextBase& context)>;
   CallBook(CallLimits limits, Welcome welcome);
   ~CallBook();
-  void Watch(grpc::ServerBuilder& builder);  // once, before it builds
+  // For the server's builder, once.
+  std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface> MakeWatches();
   // ResourceExhausted: `who` has as many calls as he may, or all together have.
   Status Room(const std::string& who) const;
   // As Room counts: one person, through one gateway or none.

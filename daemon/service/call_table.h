@@ -11,7 +11,8 @@ namespace mesorig::daemon {
 
 enum class Lease {
   kNone,  // whatever the lease: reading, and everything that makes the rig safer
-  kHeld,  // the caller's request carries the token of the lease that is in force
+  kFree,  // nobody else has it: the request's lease_token is the caller's, or 0 when nobody has one
+  kHeld,  // the request's lease_token is that of the lease in force, and the lease is the caller's
 };
 
 struct CallRule {

@@ -14,6 +14,7 @@ namespace {
 
 constexpr size_t kMaxPlanBytes = 4u << 20;
 constexpr std::chrono::milliseconds kWatchSlice{100};  // how late a vanished client is noticed
+constexpr double kRest_s = 10;  // host time: what is on by hand goes off before a plan begins
 
 struct Missing {
   uint32_t frames = 0;
@@ -55,8 +56,13 @@ void ControlService::ReportFault(std::string_view reason) {
 
 void ControlService::BeginShutdown() { shutting_down_ = true; }
 
-Status ControlService::WhyNoRun() const {
+Status ControlService::WhyNoChange() const {
   if (shutting_down_) return Unavailable("mesorigd is ending");
+  return Annotate(books_.audit->health(), "nothing is changed that cannot be recorded: audit log");
+}
+
+Status ControlService::WhyNoRun() const {
+  MESORIG_RETURN_IF_ERROR(WhyNoChange());
   MutexLock lock(fault_mutex_);
   if (!fault_.empty()) return Unavailable("{}", fault_);
   return OkStatus();
@@ -74,27 +80,37 @@ grpc::Status ControlService::Hello(grpc::ServerContext*, const v1::HelloRequest*
   reply->set_server(fmt::format("mesorigd {}", kVersion));
   reply->set_rig_name(rig_.name);
   reply->set_rig_sha256(rig_.sha256);
+  reply->set_life(events_.life());
   return grpc::Status::OK;
 }
 
-grpc::Status ControlService::Run(grpc::ServerContext*, const v1::RunRequest* request,
+grpc::Status ControlService::Run(grpc::ServerContext* context, const v1::RunRequest* request,
                                  v1::RunReply* reply) {
-  return wire::ToGrpc(StartPlan(SequencerCommand::kRun, *request, *reply));
+  return wire::ToGrpc(StartPlan(SequencerCommand::kRun, CallerOf(*context), *request, *reply));
 }
 
-grpc::Status ControlService::Arm(grpc::ServerContext*, const v1::RunRequest* request,
+grpc::Status ControlService::Arm(grpc::ServerContext* context, const v1::RunRequest* request,
                                  v1::RunReply* reply) {
-  return wire::ToGrpc(StartPlan(SequencerCommand::kArm, *request, *reply));
+  return wire::ToGrpc(StartPlan(SequencerCommand::kArm, CallerOf(*context), *request, *reply));
 }
 
-grpc::Status ControlService::ResumeSession(grpc::ServerContext*,
+grpc::Status ControlService::ResumeSession(grpc::ServerContext* context,
                                            const v1::ResumeSessionRequest* request,
                                            v1::RunReply* reply) {
-  return wire::ToGrpc(Resume(*request, *reply));
+  return wire::ToGrpc(Resume(CallerOf(*context), *request, *reply));
 }
 
-Status ControlService::StartPlan(SequencerCommand how, const v1::RunRequest& request,
-                                 v1::RunReply& reply) {
+StatusOr<uint64_t> ControlService::TakeRunLease(const Caller& caller, uint64_t lease_token) {
+  MESORIG_ASSIGN_OR_RETURN(const uint64_t token, books_.lease->BeginRun(caller, lease_token));
+  books_.run_token = token;
+  const Status rest = manual_ == nullptr ? OkStatus() : manual_->AwaitRest(kRest_s);
+  if (rest.ok()) return token;
+  books_.lease->EndRun(token);
+  return rest;
+}
+
+Status ControlService::StartPlan(SequencerCommand how, const Caller& caller,
+                                 const v1::RunRequest& request, v1::RunReply& reply) {
   MutexLock lock(run_mutex_);
   const uint64_t stops_before = stops_;
   MESORIG_RETURN_IF_ERROR(WhyNoRun());
@@ -107,14 +123,20 @@ Status ControlService::StartPlan(SequencerCommand how, const v1::RunRequest& req
   MESORIG_ASSIGN_OR_RETURN(job.plan, CompilePlan(request.plan_toml(), name, rig_));
   // Before there is a session on the disk.
   MESORIG_RETURN_IF_ERROR(sequencer_.CheckBegin(how, job.plan));
-  MESORIG_ASSIGN_OR_RETURN(job.session, sessions_.Create(job.plan, rig_));
-  const std::shared_ptr<Session> session = job.session;
-  const Status begun = BeginSession(how, std::move(job), reply, stops_before);
-  if (!begun.ok()) sessions_.Discard(session, Message(begun));
+  MESORIG_ASSIGN_OR_RETURN(const uint64_t lease, TakeRunLease(caller, request.lease_token()));
+  auto created = sessions_.Create(job.plan, rig_);
+  Status begun = created.status();
+  if (begun.ok()) {
+    const std::shared_ptr<Session> session = job.session = *created;
+    begun = BeginSession(how, std::move(job), reply, stops_before);
+    if (!begun.ok()) sessions_.Discard(session, Message(begun));
+  }
+  if (!begun.ok()) books_.lease->EndRun(lease);
   return begun;
 }
 
-Status ControlService::Resume(const v1::ResumeSessionRequest& request, v1::RunReply& reply) {
+Status ControlService::Resume(const Caller& caller, const v1::ResumeSessionRequest& request,
+                              v1::RunReply& reply) {
   MutexLock lock(run_mutex_);
   const uint64_t stops_before = stops_;
   MESORIG_RETURN_IF_ERROR(WhyNoRun());
@@ -135,12 +157,17 @@ Status ControlService::Resume(const v1::ResumeSessionRequest& request, v1::RunRe
                               job.plan.sample_name, request.sample_name());
   }
   MESORIG_RETURN_IF_ERROR(sequencer_.CheckBegin(SequencerCommand::kResume, job.plan));
-  MESORIG_ASSIGN_OR_RETURN(job.session,
-                           sessions_.Resume(request.session_id(), rig_, std::move(again)));
-  const std::shared_ptr<Session> session = job.session;
+  MESORIG_ASSIGN_OR_RETURN(const uint64_t lease, TakeRunLease(caller, request.lease_token()));
+  auto resumed = sessions_.Resume(request.session_id(), rig_, std::move(again));
+  if (!resumed.ok()) {
+    books_.lease->EndRun(lease);
+    return resumed.status();
+  }
+  const std::shared_ptr<Session> session = job.session = *resumed;
   const Status begun =
       BeginSession(SequencerCommand::kResume, std::move(job), reply, stops_before);
   if (!begun.ok()) {
+    books_.lease->EndRun(lease);
     const Status ended = session->Finish(false, Message(begun), 0, 0, true);
     if (!ended.ok()) Log("service").error("session {}: {}", session->id(), Message(ended));
   }
@@ -151,6 +178,12 @@ Status ControlService::BeginSession(SequencerCommand how, SessionJob job, v1::Ru
                                     uint64_t stops_before) {
   Describe(job.plan, *job.session, reply);
   reply.set_event_sequence(events_.last());
+  reply.set_life(events_.life());
+  // Whoever verifies the audit log finds in the journal how far it was.
+  const Status noted =
+      job.session->Record({JournalKind::kNote, sequencer_.GetStatus().now.count(), -1, 0,
+                           AnchorText(books_.audit->head())});
+  if (!noted.ok()) Log("service").error("session {}: {}", job.session->id(), Message(noted));
   if (stops_ != stops_before) {
     return Cancelled("session {}: stopped before it began", job.session->id());
   }
@@ -191,6 +224,18 @@ grpc::Status ControlService::GetStatus(grpc::ServerContext*, const v1::StatusReq
   const SequencerStatus status = sequencer_.GetStatus();
   *reply = ToMessage(status, sessions_.FramesPlanned(status.session_id));
   reply->set_disk_free_bytes(sessions_.FreeBytes().value_or(0));
+  *reply->mutable_lease() = ToMessage(books_.lease->State());
+  if (manual_ != nullptr) {
+    const ManualStatus manual = manual_->GetStatus();
+    reply->set_manual(manual.doing);
+    for (const Reading& reading : manual.readings) {
+      *reply->add_readings() = ToMessage(reading, status.now);
+    }
+  }
+  const ChainHead head = books_.audit->head();
+  reply->set_audit_sequence(head.sequence);
+  reply->set_audit_head(head.hash);
+  reply->set_audit_trouble(std::string(Message(books_.audit->health())));
   MutexLock lock(fault_mutex_);
   if (!fault_.empty()) {
     reply->set_state(v1::FAULT);
@@ -202,8 +247,10 @@ grpc::Status ControlService::GetStatus(grpc::ServerContext*, const v1::StatusReq
 grpc::Status ControlService::Watch(grpc::ServerContext* context, const v1::WatchRequest* request,
                                    grpc::ServerWriter<v1::Event>* writer) {
   uint64_t cursor = request->after_sequence();
+  std::string life = request->life();
   while (!context->IsCancelled()) {
-    const std::vector<v1::Event> events = events_.Read(cursor, kWatchSlice);
+    const std::vector<v1::Event> events = events_.Read(cursor, life, kWatchSlice);
+    life = events_.life();
     for (const v1::Event& event : events) {
       if (!writer->Write(event)) return grpc::Status::OK;
       cursor = event.sequence();
@@ -220,6 +267,7 @@ grpc::Status ControlService::Stop(grpc::ServerContext*, const v1::StopRequest* r
   ++stops_;
   const std::string reason =
       request->reason().empty() ? "stopped by a client" : "stopped: " + request->reason();
+  if (manual_ != nullptr) manual_->Stop(reason);
   Log("service").info("{}", reason);
   return wire::ToGrpc(sequencer_.Stop(reason));
 }
@@ -255,7 +303,10 @@ grpc::Status ControlService::Abort(grpc::ServerContext*, const v1::AbortRequest*
   return wire::ToGrpc(sequencer_.Command(SequencerCommand::kAbort, reason));
 }
 
-grpc::Status ControlService::Reset(grpc::ServerContext*, const v1::ResetRequest*, v1::ResetReply*) {
+grpc::Status ControlService::Reset(grpc::ServerContext* context, const v1::ResetRequest* request,
+                                   v1::ResetReply*) {
+  const Status free = books_.lease->CheckFree(CallerOf(*context), request->lease_token());
+  if (!free.ok()) return wire::ToGrpc(free);
   return wire::ToGrpc(sequencer_.Command(SequencerCommand::kReset, ""));
 }
 

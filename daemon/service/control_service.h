@@ -1,12 +1,14 @@
 #pragma once
-// The Control service (protocol/messages/control.proto). Stop takes no lock that Run holds.
+// The Control service (protocol/messages/control.proto). Stop takes no lock that Run holds. What is
+// done by hand, and the lease for it, are in manual_calls.cc.
 
 #include <atomic>
+#include <functional>
+#include <future>
 #include <string>
 
 #include "daemon/control/sequencer.h"
-#include "daemon/service/event_log.h"
-#include "daemon/service/session_store.h"
+#include "daemon/service/books.h"
 #include "protocol/base/mutex.h"
 #include "protocol/messages/control.grpc.pb.h"
 
@@ -15,8 +17,13 @@ namespace mesorig::daemon {
 // Borrows everything.
 class ControlService final : public v1::Control::Service {
  public:
-  ControlService(const Rig& rig, Sequencer& sequencer, SessionStore& sessions, EventLog& events)
-      : rig_(rig), sequencer_(sequencer), sessions_(sessions), events_(events) {}
+  ControlService(const Rig& rig, Sequencer& sequencer, ManualControl* manual, Books& books)
+      : rig_(rig),
+        sequencer_(sequencer),
+        manual_(manual),
+        books_(books),
+        sessions_(books.sessions),
+        events_(books.events) {}
 
   void ReportFault(std::string_view reason);
   void BeginShutdown();
@@ -47,10 +54,44 @@ class ControlService final : public v1::Control::Service {
                              v1::RunReply* reply) override;
   grpc::Status Acknowledge(grpc::ServerContext* context, const v1::AcknowledgeRequest* request,
                            v1::AcknowledgeReply* reply) override;
+  grpc::Status AcquireLease(grpc::ServerContext* context, const v1::AcquireLeaseRequest* request,
+                            v1::LeaseReply* reply) override;
+  grpc::Status RenewLease(grpc::ServerContext* context, const v1::LeaseTokenRequest* request,
+                          v1::LeaseReply* reply) override;
+  grpc::Status ReleaseLease(grpc::ServerContext* context, const v1::LeaseTokenRequest* request,
+                            v1::LeaseReply* reply) override;
+  grpc::Status RequestHandover(grpc::ServerContext* context, const v1::HandoverRequest* request,
+                               v1::LeaseReply* reply) override;
+  grpc::Status Jog(grpc::ServerContext* context, grpc::ServerReader<v1::JogRequest>* reader,
+                   v1::JogReply* reply) override;
+  grpc::Status MoveAxis(grpc::ServerContext* context, const v1::MoveAxisRequest* request,
+                        v1::ManualReply* reply) override;
+  grpc::Status HomeAxis(grpc::ServerContext* context, const v1::HomeAxisRequest* request,
+                        v1::ManualReply* reply) override;
+  grpc::Status SetLamp(grpc::ServerContext* context, const v1::SetLampRequest* request,
+                       v1::ManualReply* reply) override;
+  grpc::Status TestLaser(grpc::ServerContext* context, const v1::TestLaserRequest* request,
+                         v1::ManualReply* reply) override;
+  grpc::Status ReadAudit(grpc::ServerContext* context, const v1::ReadAuditRequest* request,
+                         grpc::ServerWriter<v1::AuditBytes>* writer) override;
 
  private:
-  Status StartPlan(SequencerCommand how, const v1::RunRequest& request, v1::RunReply& reply);
-  Status Resume(const v1::ResumeSessionRequest& request, v1::RunReply& reply);
+  Status StartPlan(SequencerCommand how, const Caller& caller, const v1::RunRequest& request,
+                   v1::RunReply& reply);
+  Status Resume(const Caller& caller, const v1::ResumeSessionRequest& request,
+                v1::RunReply& reply);
+  // Takes the plan's lease, which ends a manual one, and waits until what is on by hand is off.
+  // Without OK there is none.
+  StatusOr<uint64_t> TakeRunLease(const Caller& caller, uint64_t lease_token);
+  // What an audit log that takes nothing refuses, and a daemon that ends.
+  Status WhyNoChange() const;
+  // Gives an order by hand, and waits for its end or the client's.
+  Status ByHand(const grpc::ServerContext& context, uint64_t lease_token,
+                const std::function<std::future<Status>(ManualControl&)>& order);
+  StatusOr<int> AxisNamed(const std::string& name) const;
+  Status JogWhileHeld(const Caller& caller, grpc::ServerReader<v1::JogRequest>& reader,
+                      v1::JogReply& reply);
+  void TellLease(const Caller& caller, v1::LeaseReply& reply);
   // Hands the session to the sequencer; a refusal, and a Stop since `stops_before`, ends it.
   Status BeginSession(SequencerCommand how, SessionJob job, v1::RunReply& reply,
                       uint64_t stops_before);
@@ -59,6 +100,8 @@ class ControlService final : public v1::Control::Service {
 
   const Rig& rig_;
   Sequencer& sequencer_;
+  ManualControl* const manual_;  // may be null
+  Books& books_;
   SessionStore& sessions_;
   EventLog& events_;
 

@@ -37,6 +37,35 @@ v1::Prompt ToMessage(const OperatorPrompt& prompt) {
   return out;
 }
 
+v1::Reading ToMessage(const Reading& reading, RigTime now) {
+  v1::Reading out;
+  out.set_name(reading.name);
+  out.set_value(reading.value);
+  out.set_unit(reading.unit);
+  out.set_age_s(std::max(0.0, Seconds(now - reading.read_at)));
+  out.set_source(reading.source == ReadingSource::kCommanded ? v1::COMMANDED : v1::READ_BACK);
+  return out;
+}
+
+v1::LeaseStatus ToMessage(const LeaseState& lease) {
+  v1::LeaseStatus out;
+  switch (lease.kind) {
+    case LeaseState::Kind::kFree:
+      out.set_kind(v1::LEASE_FREE);
+      break;
+    case LeaseState::Kind::kManual:
+      out.set_kind(v1::LEASE_MANUAL);
+      break;
+    case LeaseState::Kind::kRun:
+      out.set_kind(v1::LEASE_RUN);
+      break;
+  }
+  out.set_holder(lease.holder);
+  out.set_left_s(lease.left_s);
+  out.set_requested_by(lease.requested_by);
+  return out;
+}
+
 v1::StatusReply ToMessage(const SequencerStatus& status, uint32_t frames_planned) {
   v1::StatusReply reply;
   reply.set_state(ToMessage(status.state));
@@ -55,11 +84,7 @@ v1::StatusReply ToMessage(const SequencerStatus& status, uint32_t frames_planned
   reply.set_storage(status.storage);
   if (status.prompt) *reply.mutable_prompt() = ToMessage(*status.prompt);
   for (const Reading& reading : status.readings) {
-    v1::Reading& out = *reply.add_readings();
-    out.set_name(reading.name);
-    out.set_value(reading.value);
-    out.set_unit(reading.unit);
-    out.set_age_s(std::max(0.0, Seconds(status.now - reading.read_at)));
+    *reply.add_readings() = ToMessage(reading, status.now);
   }
   return reply;
 }

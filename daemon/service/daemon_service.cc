@@ -1,37 +1,41 @@
 #include "daemon/service/daemon_service.h"
 
+#include "daemon/service/books.h"
 #include "daemon/service/control_service.h"
 #include "daemon/service/convert.h"
-#include "daemon/service/event_log.h"
 #include "daemon/service/frames_service.h"
-#include "daemon/service/session_store.h"
 
 namespace mesorig::daemon {
 namespace {
 
-// What the sequencer's listener writes to. Shared with the listener: one call of it may still be
-// under way when the service goes.
-struct Books {
-  explicit Books(std::filesystem::path sessions_root) : sessions(std::move(sessions_root)) {}
-  SessionStore sessions;
-  EventLog events;
-};
-
 class DaemonServiceImpl final : public DaemonService {
  public:
-  DaemonServiceImpl(const Rig& rig, Sequencer& sequencer, std::filesystem::path sessions_root)
+  DaemonServiceImpl(const Rig& rig, Sequencer& sequencer, ManualControl* manual,
+                    std::shared_ptr<Books> books)
       : sequencer_(sequencer),
-        books_(std::make_shared<Books>(std::move(sessions_root))),
-        control_(rig, sequencer, books_->sessions, books_->events),
-        frames_(books_->sessions) {
+        manual_(manual),
+        books_(std::move(books)),
+        control_(rig, sequencer, manual, *books_),
+        frames_(*books_, [&sequencer] { return sequencer.GetStatus().now; }) {
     sequencer.OnEvent([books = books_](const SequencerEvent& event) {
       const uint32_t planned = books->sessions.FramesPlanned(event.status.session_id);
       books->events.Append(ToMessage(event, planned));
+      if (event.kind == SequencerEvent::Kind::kEnded) books->EndSession(event);
+    });
+    if (manual != nullptr) manual->OnNote([books = books_](const std::string& note) {
+      v1::Event event;
+      event.set_note(note);
+      books->events.Append(std::move(event));
     });
   }
-  ~DaemonServiceImpl() override { sequencer_.OnEvent(nullptr); }
+  ~DaemonServiceImpl() override {
+    sequencer_.OnEvent(nullptr);
+    if (manual_ != nullptr) manual_->OnNote(nullptr);
+    books_->lease->Close();  // its hooks call manual control
+  }
 
   std::vector<grpc::Service*> services() override { return {&control_, &frames_}; }
+  AuditLog& audit() override { return *books_->audit; }
   void ReportFault(std::string_view reason) override { control_.ReportFault(reason); }
   void BeginShutdown() override {
     control_.BeginShutdown();
@@ -41,6 +45,7 @@ class DaemonServiceImpl final : public DaemonService {
 
  private:
   Sequencer& sequencer_;
+  ManualControl* const manual_;
   const std::shared_ptr<Books> books_;
   ControlService control_;
   FramesService frames_;
@@ -48,9 +53,14 @@ class DaemonServiceImpl final : public DaemonService {
 
 }  // namespace
 
-std::unique_ptr<DaemonService> DaemonService::Create(const Rig& rig, Sequencer& sequencer,
-                                                     std::filesystem::path sessions_root) {
-  return std::make_unique<DaemonServiceImpl>(rig, sequencer, std::move(sessions_root));
+StatusOr<std::unique_ptr<DaemonService>> DaemonService::Create(const Rig& rig,
+                                                               Sequencer& sequencer,
+                                                               std::filesystem::path state_dir,
+                                                               ManualControl* manual) {
+  MESORIG_ASSIGN_OR_RETURN(auto books, Books::Open(std::move(state_dir), manual, [&sequencer] {
+    return Seconds(sequencer.GetStatus().now);
+  }));
+  return std::make_unique<DaemonServiceImpl>(rig, sequencer, manual, std::move(books));
 }
 
 }  // namespace mesorig::daemon

@@ -129,6 +129,7 @@ grpc::Status FramesService::GetSession(grpc::ServerContext*, const v1::SessionRe
   reply->set_complete(summary.end == SessionEnd::kComplete);
   reply->set_deterministic(summary.deterministic);
   reply->set_starts(summary.starts);
+  reply->set_audit_head(AnchorText(audit_.head()));
   return grpc::Status::OK;
 }
 

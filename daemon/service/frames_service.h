@@ -6,16 +6,17 @@
 
 #include <atomic>
 
-#include "daemon/service/session_store.h"
+#include "daemon/service/books.h"
 #include "protocol/messages/frames.grpc.pb.h"
 
 namespace mesorig::daemon {
 
-// Borrows the store.
+// Borrows the books.
 class FramesService final
     : public v1::Frames::WithRawCallbackMethod_Subscribe<v1::Frames::Service> {
  public:
-  explicit FramesService(SessionStore& sessions) : sessions_(sessions) {}
+  FramesService(Books& books, std::function<RigTime()> now)
+      : sessions_(books.sessions), audit_(*books.audit), now_(std::move(now)) {}
 
   // Ends the subscriptions.
   void BeginShutdown() { shutting_down_ = true; }
@@ -41,6 +42,8 @@ class FramesService final
 
  private:
   SessionStore& sessions_;
+  const AuditLog& audit_;
+  const std::function<RigTime()> now_;  // rig time
   std::atomic<bool> shutting_down_{false};
 };
 

@@ -45,13 +45,15 @@ LeaseKeeper::LeaseKeeper(std::filesystem::path file, uint64_t last_token, LeaseH
   thread_ = std::thread([this] { Loop(); });
 }
 
-LeaseKeeper::~LeaseKeeper() {
+LeaseKeeper::~LeaseKeeper() { Close(); }
+
+void LeaseKeeper::Close() {
   {
     const MutexLock lock(mutex_);
     ending_ = true;
     changed_.NotifyAll();
   }
-  thread_.join();
+  if (thread_.joinable()) thread_.join();
 }
 
 // Before a token is given, the file holds a number that it does not exceed.
@@ -66,6 +68,7 @@ Status LeaseKeeper::Reserve() {
 void LeaseKeeper::Tell() {
   using Kind = LeaseChange::Kind;
   for (const LeaseChange& change : book_.TakeChanges()) {
+    if (ending_) return;
     if (change.kind == Kind::kAcquired) {
       if (hooks_.admit) hooks_.admit(change.token);
     } else if (change.kind != Kind::kRequested && change.kind != Kind::kRunEnded) {

@@ -43,6 +43,8 @@ class LeaseKeeper {
   StatusOr<uint64_t> BeginRun(const Caller& caller, uint64_t token);
   void EndRun(uint64_t token);
   LeaseState State();
+  // Ends its thread; no hook is called any more.
+  void Close();
   // Looks at the clock now: for a clock that a test moves.
   void Look();
 

@@ -190,6 +190,7 @@ grpc::Status FramesService::Preview(grpc::ServerContext* context, const v1::Prev
     frame.set_height(static_cast<uint32_t>(image.height));
     frame.set_grey(image.grey);
     frame.set_dropped(latest->count - count - 1);
+    frame.set_age_s(Seconds(now_() - RigTime(latest->frame.record.exposure_end_ns)));
     count = latest->count;
     if (!writer->Write(frame)) break;  // waits for a slow client; meanwhile frames are dropped
   }

@@ -19,7 +19,7 @@ class Daemon {
     MESORIG_CHECK(killed->Append(FrameOf(0, 0), PixelsOf(0, 0)).ok() && killed->Flush().ok());
     b_ = killed->id();
     killed.reset();
-    service_ = DaemonService::Create(rig_, sequencer_, root());
+    service_ = DaemonService::Create(rig_, sequencer_, root()).value();
     runner_ = std::make_unique<fuzz::RequestRunner>(service_->services());
   }
   void Run(std::string text) {

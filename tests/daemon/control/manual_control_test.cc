@@ -171,7 +171,7 @@ TEST(ManualControl, AJogEndsWhenNobodyHoldsIt) {
   EXPECT_EQ(stopped, (last + 200 * kMs).count());
   EXPECT_FALSE(hand.axes[0]->Read().enabled);
   EXPECT_TRUE(hand.manual->GetStatus().doing.empty());
-  hand.manual.reset();
+  hand.log.OnOperation(nullptr);
 }
 
 TEST(ManualControl, AJogEndsWhenItIsLetGoAndFollowsItsRate) {
@@ -239,7 +239,10 @@ TEST_P(ManualControlCut, AtEachOperation) {
     hand.manual->Admit(1);
     std::atomic<bool> cut{false};
     std::vector<std::string> after;
+    std::promise<void> given;  // all orders are, before the first is carried out
+    const std::shared_future<void> all_given = given.get_future().share();
     hand.log.OnOperation([&](int index, const std::string& operation) {
+      all_given.wait();
       if (index == at) {
         if (how == "stop") hand.manual->Stop("stopped");
         if (how == "close" || how == "hand over") hand.manual->Close(1, "the lease expired");
@@ -254,11 +257,12 @@ TEST_P(ManualControlCut, AtEachOperation) {
     orders.push_back(hand.manual->Home(1, 1));
     orders.push_back(hand.manual->SetLamp(1, 0));
     orders.push_back(hand.manual->MoveTo(1, 1, RadFromDeg(-20)));
+    given.set_value();
     std::vector<Status> ends;
     for (auto& order : orders) ends.push_back(order.get());
     hand.manual->Close(2, "the end");
     hand.ExpectOff();
-    hand.manual.reset();  // the listener's variables go before it
+    hand.log.OnOperation(nullptr);  // its variables go before manual control does
     if (!cut) {
       EXPECT_GT(at, 8);
       break;

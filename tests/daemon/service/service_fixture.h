@@ -125,7 +125,10 @@ class ServiceTest : public ::testing::Test {
     auto endpoint = PublishedEndpoint::Claim(folder_.path() / "run", wire::kDaemonName);
     ASSERT_TRUE(endpoint.ok()) << endpoint.status();
     endpoint_ = std::make_unique<PublishedEndpoint>(*std::move(endpoint));
-    service_ = DaemonService::Create(rig_, sequencer_, root());
+    auto service = DaemonService::Create(rig_, sequencer_, root(), manual_);
+    ASSERT_TRUE(service.ok()) << service.status();
+    service_ = *std::move(service);
+    access_options_.audit = &service_->audit();
     auto access = Access::Create(access_options_, *endpoint_, service_->services());
     ASSERT_TRUE(access.ok()) << access.status();
     access_ = *std::move(access);
@@ -158,6 +161,7 @@ class ServiceTest : public ::testing::Test {
   const Rig rig_ = SmallRig();
   FakeSequencer sequencer_;
   std::unique_ptr<PublishedEndpoint> endpoint_;
+  ManualControl* manual_ = nullptr;  // before SetUp
   std::unique_ptr<DaemonService> service_;
   AccessOptions access_options_;  // before SetUp
   std::unique_ptr<Access> access_;
