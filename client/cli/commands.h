@@ -43,6 +43,10 @@ Command AddArmCommand(CLI::App& app, Common& common);
 Command AddStartCommand(CLI::App& app, Common& common);
 // sessions, session ..., preview
 std::vector<Command> AddSessionCommands(CLI::App& app, Common& common);
+// lease ..., jog, axis, lamp, laser
+std::vector<Command> AddHandCommands(CLI::App& app, Common& common);
+// audit ...
+std::vector<Command> AddAuditCommands(CLI::App& app, Common& common);
 Command AddPauseCommand(CLI::App& app, Common& common);
 Command AddContinueCommand(CLI::App& app, Common& common);
 Command AddAbortCommand(CLI::App& app, Common& common);

@@ -13,6 +13,8 @@
 namespace mesorig::client {
 namespace {
 
+constexpr double kWatchPatience_s = 60;  // for a daemon that is gone
+
 Status ShowStatus(const Common& common) {
   MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
   MESORIG_ASSIGN_OR_RETURN(const v1::StatusReply status, daemon->GetStatus());
@@ -35,21 +37,28 @@ Status ShowStatus(const Common& common) {
   }
   if (status.alarms() > 0) fmt::print("  {} alarms: see `mesorig watch`\n", status.alarms());
   if (!status.storage().empty()) fmt::print("  the disk takes nothing: {}\n", status.storage());
+  if (status.lease().kind() != v1::LEASE_FREE) fmt::print("  {}\n", LeaseText(status.lease()));
+  if (!status.manual().empty()) fmt::print("  by hand: {}\n", status.manual());
+  if (!status.audit_trouble().empty()) fmt::print("  audit log: {}\n", status.audit_trouble());
   if (status.has_prompt()) fmt::print("{}\n", PromptText(status.prompt()));
   for (const v1::Reading& reading : status.readings()) {
-    fmt::print("  {:<22} {:>12.4f} {:<4} {:.1f} s ago\n", reading.name(), reading.value(),
-               reading.unit(), reading.age_s());
+    fmt::print("  {:<22} {:>12.4f} {:<6} {:.1f} s ago{}\n", reading.name(), reading.value(),
+               reading.unit(), reading.age_s(),
+               reading.source() == v1::COMMANDED ? ", as commanded" : "");
   }
   return OkStatus();
 }
 
 Status WatchEvents(const Common& common) {
   MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
-  return daemon->Watch(0, [&](const v1::Event& event) {
-    fmt::print("{}\n", common.json ? JsonText(event) : EventText(event));
-    std::fflush(stdout);
-    return true;
-  });
+  return daemon->Watch(
+      0,
+      [&](const v1::Event& event) {
+        fmt::print("{}\n", common.json ? JsonText(event) : EventText(event));
+        std::fflush(stdout);
+        return true;
+      },
+      kWatchPatience_s);
 }
 
 // One command to the daemon; with --json what it does then.

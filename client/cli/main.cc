@@ -35,8 +35,11 @@ int main(int argc, char** argv) {
       client::AddStartCommand(app, common),       client::AddResetCommand(app, common),
       client::AddResumeCommand(app, common),      client::AddAcknowledgeCommand(app, common),
       client::AddPlanCheckCommand(*plan, common)};
-  for (auto& command : client::AddSessionCommands(app, common)) commands.push_back(command);
-  for (auto& command : client::AddCertsCommands(app, common)) commands.push_back(command);
+  for (const auto add :
+       {client::AddSessionCommands, client::AddCertsCommands, client::AddHandCommands,
+        client::AddAuditCommands}) {
+    for (auto& command : add(app, common)) commands.push_back(command);
+  }
   return RunProgram(app, "mesorig", argc, argv, [&]() -> Status {
     for (const auto& command : commands) {
       if (command.app->parsed()) return command.run();

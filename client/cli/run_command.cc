@@ -23,6 +23,7 @@ struct RunOptions {
   std::string plan;
   std::string on_prompt;
   bool no_wait = false, no_products = false;
+  uint64_t lease = 0;
 };
 
 // Lets a command, or the operator at this terminal, do what a prompt asks for; then acknowledges.
@@ -64,6 +65,11 @@ StatusOr<v1::SessionEnded> AwaitEnd(const RunOptions& options, DaemonClient& dae
   Status answered;
   bool seen = false;
   MESORIG_RETURN_IF_ERROR(daemon.Watch(reply.event_sequence(), [&](const v1::Event& event) {
+    if (event.has_gap() && event.gap().other_life()) {
+      answered = Unavailable("mesorigd began anew: session {} was killed (`mesorig resume`)",
+                             reply.session_id());
+      return false;
+    }
     if (event.has_progress() && event.progress().session_id() == reply.session_id()) {
       bar.Show(event.progress().shots_done(), reply.shots(), "shots");
     }
@@ -180,7 +186,15 @@ Status Follow(const RunOptions& options, const Common& common, DaemonClient& dae
   return OkStatus();
 }
 
+void AddLeaseOption(CLI::App& command, RunOptions& options) {
+  command
+      .add_option("--lease", options.lease,
+                  "Token of your lease, when you have one: the plan ends it and holds its own")
+      ->envname("MESORIG_LEASE");
+}
+
 void AddFollowOptions(CLI::App& command, RunOptions& options) {
+  AddLeaseOption(command, options);
   command.add_option("--on-prompt", options.on_prompt,
                      "Shell command that does what a prompt asks for (MESORIG_PROMPT_ID, _TEXT, "
                      "_MOUNT in its environment); when it ends with 0 the prompt is acknowledged");
@@ -199,7 +213,8 @@ Command AddRunCommand(CLI::App& app, Common& common) {
   return {run, [options, &common]() -> Status {
             MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(options->plan, kMaxPlan));
             MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
-            MESORIG_ASSIGN_OR_RETURN(const v1::RunReply reply, daemon->Run(text, options->plan));
+            MESORIG_ASSIGN_OR_RETURN(const v1::RunReply reply,
+                                     daemon->Run(text, options->plan, options->lease));
             return Follow(*options, common, *daemon, reply);
           }};
 }
@@ -212,10 +227,12 @@ Command AddArmCommand(CLI::App& app, Common& common) {
       "Check a plan against rig, chain and disk and journal its session; nothing moves "
       "until `mesorig start`");
   arm->add_option("plan", options->plan, "Plan file (plans/*.toml)")->required();
+  AddLeaseOption(*arm, *options);
   return {arm, [options, &common]() -> Status {
             MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(options->plan, kMaxPlan));
             MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
-            MESORIG_ASSIGN_OR_RETURN(const v1::RunReply reply, daemon->Arm(text, options->plan));
+            MESORIG_ASSIGN_OR_RETURN(const v1::RunReply reply,
+                                     daemon->Arm(text, options->plan, options->lease));
             return Follow(*options, common, *daemon, reply);
           }};
 }
@@ -248,6 +265,7 @@ Command AddResumeCommand(CLI::App& app, Common& common) {
             request.set_sample_name(options->sample);
             request.set_reshoot(options->reshoot);
             request.set_accept_reference(options->accept_reference);
+            request.set_lease_token(options->run.lease);
             MESORIG_ASSIGN_OR_RETURN(const v1::RunReply reply, daemon->ResumeSession(request));
             return Follow(options->run, common, *daemon, reply);
           }};

@@ -58,6 +58,22 @@ std::string PromptText(const v1::Prompt& prompt) {
                      missing.empty() ? "nothing" : missing);
 }
 
+std::string LeaseText(const v1::LeaseStatus& lease) {
+  const std::string asked =
+      lease.requested_by().empty() ? "" : fmt::format("; {} asks for it", lease.requested_by());
+  switch (lease.kind()) {
+    case v1::LEASE_MANUAL:
+      return fmt::format("{} has control of the rig, for another {:.1f} s unless it is renewed{}",
+                         lease.holder(), lease.left_s(), asked);
+    case v1::LEASE_RUN:
+      return fmt::format("a plan that {} began has control of the rig", lease.holder());
+    default:
+      return lease.requested_by().empty()
+                 ? "nobody has control of the rig"
+                 : fmt::format("control of the rig was given up for {}", lease.requested_by());
+  }
+}
+
 std::string EventText(const v1::Event& event) {
   const std::string when = fmt::format("{:10.3f} s  ", event.rig_s());
   switch (event.what_case()) {
@@ -81,6 +97,14 @@ std::string EventText(const v1::Event& event) {
       return fmt::format("{}ALARM {}", when, event.alarm().text());
     case v1::Event::kNote:
       return when + event.note();
+    case v1::Event::kGap:
+      return event.gap().other_life() ? when + "mesorigd began anew: what was before is over"
+                                      : fmt::format("{}events {} to {} are no longer kept", when,
+                                                    event.gap().first(), event.gap().last());
+    case v1::Event::kLease:
+      return fmt::format("{}control of the rig: {}: {}{}{}", when, event.lease().change(),
+                         event.lease().holder(), event.lease().requester().empty() ? "" : ", ",
+                         event.lease().requester());
     default:
       return when + "(an event of a newer daemon)";
   }

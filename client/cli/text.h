@@ -17,6 +17,8 @@ std::string DurationText(double seconds);
 // One line an event, without its end of line.
 // What is asked of the operator, and what is still missing.
 std::string PromptText(const v1::Prompt& prompt);
+// "free", "anna has control of the rig, for another 7 s"
+std::string LeaseText(const v1::LeaseStatus& lease);
 std::string EventText(const v1::Event& event);
 // Any message as one line of JSON, with the names of the .proto file and zeros included.
 std::string JsonText(const google::protobuf::Message& message);

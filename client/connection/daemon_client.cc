@@ -1,39 +1,10 @@
 #include "client/connection/daemon_client.h"
 
-#include <grpcpp/grpcpp.h>
-
+#include "client/connection/daemon_calls.h"
 #include "protocol/base/program.h"
-#include "protocol/messages/control.grpc.pb.h"
-#include "protocol/messages/frames.grpc.pb.h"
 #include "protocol/wire/channel.h"
-#include "protocol/wire/grpc_status.h"
 
 namespace mesorig::client {
-namespace {
-
-constexpr auto kCallTimeout = std::chrono::seconds(20);
-
-// One unary call with a deadline.
-template <typename Reply, typename Stub, typename Method, typename Request>
-StatusOr<Reply> Call(Stub& stub, Method method, const Request& request) {
-  grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + kCallTimeout);
-  Reply reply;
-  const grpc::Status status = (stub.*method)(&context, request, &reply);
-  if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
-    return Unavailable("mesorigd is gone: {}", status.error_message());
-  }
-  if (!status.ok()) return wire::FromGrpc(status);
-  return reply;
-}
-
-}  // namespace
-
-struct DaemonClient::State {
-  std::unique_ptr<v1::Control::Stub> control;
-  std::unique_ptr<v1::Frames::Stub> frames;
-  v1::HelloReply hello;
-};
 
 StatusOr<std::unique_ptr<DaemonClient>> DaemonClient::Connect(
     const wire::Address& address) {
@@ -53,9 +24,11 @@ DaemonClient::DaemonClient(std::unique_ptr<State> state) : state_(std::move(stat
 DaemonClient::~DaemonClient() = default;
 const v1::HelloReply& DaemonClient::hello() const { return state_->hello; }
 
-StatusOr<v1::RunReply> DaemonClient::Run(std::string_view plan_toml, std::string_view plan_name) {
+StatusOr<v1::RunReply> DaemonClient::Run(std::string_view plan_toml, std::string_view plan_name,
+                                         uint64_t lease_token) {
   v1::RunRequest request;
   request.set_plan_toml(std::string(plan_toml));
+  request.set_lease_token(lease_token);
   request.set_plan_name(std::string(plan_name));
   return Call<v1::RunReply>(*state_->control, &v1::Control::Stub::Run, request);
 }
@@ -71,9 +44,11 @@ Status DaemonClient::Stop(std::string_view reason) {
   return Call<v1::StopReply>(*state_->control, &v1::Control::Stub::Stop, request).status();
 }
 
-StatusOr<v1::RunReply> DaemonClient::Arm(std::string_view plan_toml, std::string_view plan_name) {
+StatusOr<v1::RunReply> DaemonClient::Arm(std::string_view plan_toml, std::string_view plan_name,
+                                         uint64_t lease_token) {
   v1::RunRequest request;
   request.set_plan_toml(std::string(plan_toml));
+  request.set_lease_token(lease_token);
   request.set_plan_name(std::string(plan_name));
   return Call<v1::RunReply>(*state_->control, &v1::Control::Stub::Arm, request);
 }
@@ -127,28 +102,6 @@ StatusOr<v1::SessionReply> DaemonClient::GetSession(std::string_view session_id)
   v1::SessionRequest request;
   request.set_session_id(std::string(session_id));
   return Call<v1::SessionReply>(*state_->frames, &v1::Frames::Stub::GetSession, request);
-}
-
-Status DaemonClient::Watch(uint64_t after_sequence,
-                           const std::function<bool(const v1::Event&)>& on_event) {
-  grpc::ClientContext context;
-  v1::WatchRequest request;
-  request.set_after_sequence(after_sequence);
-  const auto stream = state_->control->Watch(&context, request);
-  v1::Event event;
-  while (stream->Read(&event)) {
-    if (!on_event(event)) {
-      context.TryCancel();
-      stream->Finish();
-      return OkStatus();
-    }
-  }
-  const grpc::Status status = stream->Finish();
-  if (status.ok()) return Unavailable("mesorigd ended the stream of events");
-  if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
-    return Unavailable("mesorigd is gone: {}", status.error_message());
-  }
-  return wire::FromGrpc(status);
 }
 
 }  // namespace mesorig::client

@@ -21,10 +21,13 @@ class DaemonClient {
   ~DaemonClient();
 
   const v1::HelloReply& hello() const;
-  StatusOr<v1::RunReply> Run(std::string_view plan_toml, std::string_view plan_name);
+  // lease_token: 0 when nobody has the lease.
+  StatusOr<v1::RunReply> Run(std::string_view plan_toml, std::string_view plan_name,
+                             uint64_t lease_token = 0);
   StatusOr<v1::StatusReply> GetStatus();
   Status Stop(std::string_view reason);
-  StatusOr<v1::RunReply> Arm(std::string_view plan_toml, std::string_view plan_name);
+  StatusOr<v1::RunReply> Arm(std::string_view plan_toml, std::string_view plan_name,
+                             uint64_t lease_token = 0);
   Status Start();
   Status Pause(bool now, std::string_view reason);
   Status Continue();
@@ -35,9 +38,28 @@ class DaemonClient {
   Status Acknowledge(uint32_t prompt_id);
   StatusOr<v1::ListSessionsReply> ListSessions();
   StatusOr<v1::SessionReply> GetSession(std::string_view session_id);
-  // Events above `after_sequence`, then as they happen, until `on_event` returns false (OK) or the
-  // stream breaks (Unavailable).
-  Status Watch(uint64_t after_sequence, const std::function<bool(const v1::Event&)>& on_event);
+  // Events above `after_sequence` (of the daemon that Connect met), then as they happen, until
+  // `on_event` returns false (OK). A stream that breaks is taken up again where it was, a daemon
+  // that is gone waited for: Unavailable after `patience_s`. What is missed is told as a Gap.
+  Status Watch(uint64_t after_sequence, const std::function<bool(const v1::Event&)>& on_event,
+               double patience_s = 0);
+
+  // The rig by hand (docs/lease.md).
+  StatusOr<v1::LeaseStatus> AcquireLease(double span_s, bool take);
+  StatusOr<v1::LeaseStatus> RenewLease(uint64_t token);
+  StatusOr<v1::LeaseStatus> ReleaseLease(uint64_t token);
+  StatusOr<v1::LeaseStatus> RequestHandover();
+  // Tells `axis` every 50 ms to go on at this rate, as long as `held` says so; then it stops.
+  Status Jog(uint64_t token, std::string_view axis, double rate_rad_s,
+             const std::function<bool()>& held);
+  // Return when it is done; when `leave` says so the call is given up, and the daemon stops it.
+  Status MoveAxis(uint64_t token, std::string_view axis, double target_rad,
+                  const std::function<bool()>& leave);
+  Status HomeAxis(uint64_t token, std::string_view axis, const std::function<bool()>& leave);
+  Status SetLamp(uint64_t token, std::string_view lamp);  // empty: none
+  Status TestLaser(uint64_t token, double seconds, const std::function<bool()>& leave);
+  // The audit log's bytes from `offset` on, piece by piece.
+  Status ReadAudit(uint64_t offset, const std::function<void(std::string_view)>& on_bytes);
 
  private:
   struct State;

@@ -118,7 +118,8 @@ void RefusalRecorder::Record(Caller caller, std::string_view path, const Status&
       return;
     }
     tokens_ -= 1;
-    if (passed_over_ > 0) entry.what = fmt::format("{} refusals before it were too many to record", passed_over_);
+    if (passed_over_ > 0)
+      entry.what = fmt::format("{} refusals before it were too many to record", passed_over_);
     passed_over_ = 0;
   }
   log_.RecordLater(std::move(entry));

@@ -2,8 +2,7 @@
 
 namespace mesorig::daemon {
 
-StatusOr<std::shared_ptr<Books>> Books::Open(std::filesystem::path state_dir,
-                                             ManualControl* manual,
+StatusOr<std::shared_ptr<Books>> Books::Open(std::filesystem::path state_dir, ManualControl* manual,
                                              std::function<double()> rig_s) {
   auto books = std::make_shared<Books>(state_dir);
   AuditOptions audit;

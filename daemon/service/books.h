@@ -21,7 +21,8 @@ struct Books {
   // `manual`, borrowed until `lease` is closed, is told which token may command; null: nobody is.
   // Errors of the audit log and of the lease's file.
   static StatusOr<std::shared_ptr<Books>> Open(std::filesystem::path state_dir,
-                                               ManualControl* manual, std::function<double()> rig_s);
+                                               ManualControl* manual,
+                                               std::function<double()> rig_s);
 
   SessionStore sessions;
   EventLog events;

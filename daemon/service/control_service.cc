@@ -164,8 +164,7 @@ Status ControlService::Resume(const Caller& caller, const v1::ResumeSessionReque
     return resumed.status();
   }
   const std::shared_ptr<Session> session = job.session = *resumed;
-  const Status begun =
-      BeginSession(SequencerCommand::kResume, std::move(job), reply, stops_before);
+  const Status begun = BeginSession(SequencerCommand::kResume, std::move(job), reply, stops_before);
   if (!begun.ok()) {
     books_.lease->EndRun(lease);
     const Status ended = session->Finish(false, Message(begun), 0, 0, true);
@@ -180,9 +179,8 @@ Status ControlService::BeginSession(SequencerCommand how, SessionJob job, v1::Ru
   reply.set_event_sequence(events_.last());
   reply.set_life(events_.life());
   // Whoever verifies the audit log finds in the journal how far it was.
-  const Status noted =
-      job.session->Record({JournalKind::kNote, sequencer_.GetStatus().now.count(), -1, 0,
-                           AnchorText(books_.audit->head())});
+  const Status noted = job.session->Record({JournalKind::kNote, sequencer_.GetStatus().now.count(),
+                                            -1, 0, AnchorText(books_.audit->head())});
   if (!noted.ok()) Log("service").error("session {}: {}", job.session->id(), Message(noted));
   if (stops_ != stops_before) {
     return Cancelled("session {}: stopped before it began", job.session->id());

@@ -78,8 +78,7 @@ class ControlService final : public v1::Control::Service {
  private:
   Status StartPlan(SequencerCommand how, const Caller& caller, const v1::RunRequest& request,
                    v1::RunReply& reply);
-  Status Resume(const Caller& caller, const v1::ResumeSessionRequest& request,
-                v1::RunReply& reply);
+  Status Resume(const Caller& caller, const v1::ResumeSessionRequest& request, v1::RunReply& reply);
   // Takes the plan's lease, which ends a manual one, and waits until what is on by hand is off.
   // Without OK there is none.
   StatusOr<uint64_t> TakeRunLease(const Caller& caller, uint64_t lease_token);

@@ -22,11 +22,12 @@ class DaemonServiceImpl final : public DaemonService {
       books->events.Append(ToMessage(event, planned));
       if (event.kind == SequencerEvent::Kind::kEnded) books->EndSession(event);
     });
-    if (manual != nullptr) manual->OnNote([books = books_](const std::string& note) {
-      v1::Event event;
-      event.set_note(note);
-      books->events.Append(std::move(event));
-    });
+    if (manual != nullptr)
+      manual->OnNote([books = books_](const std::string& note) {
+        v1::Event event;
+        event.set_note(note);
+        books->events.Append(std::move(event));
+      });
   }
   ~DaemonServiceImpl() override {
     sequencer_.OnEvent(nullptr);
@@ -53,13 +54,12 @@ class DaemonServiceImpl final : public DaemonService {
 
 }  // namespace
 
-StatusOr<std::unique_ptr<DaemonService>> DaemonService::Create(const Rig& rig,
-                                                               Sequencer& sequencer,
+StatusOr<std::unique_ptr<DaemonService>> DaemonService::Create(const Rig& rig, Sequencer& sequencer,
                                                                std::filesystem::path state_dir,
                                                                ManualControl* manual) {
   MESORIG_ASSIGN_OR_RETURN(auto books, Books::Open(std::move(state_dir), manual, [&sequencer] {
-    return Seconds(sequencer.GetStatus().now);
-  }));
+                             return Seconds(sequencer.GetStatus().now);
+                           }));
   return std::make_unique<DaemonServiceImpl>(rig, sequencer, manual, std::move(books));
 }
 

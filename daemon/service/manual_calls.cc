@@ -74,7 +74,8 @@ StatusOr<int> ControlService::AxisNamed(const std::string& name) const {
     if (rig_.axes[i].name == name) return static_cast<int>(i);
     names += (i == 0 ? "" : ", ") + rig_.axes[i].name;
   }
-  return InvalidArgument("axis \"{}\" is none of rig {}: {}", name.substr(0, 100), rig_.name, names);
+  return InvalidArgument("axis \"{}\" is none of rig {}: {}", name.substr(0, 100), rig_.name,
+                         names);
 }
 
 Status ControlService::ByHand(const grpc::ServerContext& context, uint64_t lease_token,
@@ -108,13 +109,12 @@ grpc::Status ControlService::HomeAxis(grpc::ServerContext* context,
   }));
 }
 
-grpc::Status ControlService::SetLamp(grpc::ServerContext* context, const v1::SetLampRequest* request,
-                                     v1::ManualReply*) {
+grpc::Status ControlService::SetLamp(grpc::ServerContext* context,
+                                     const v1::SetLampRequest* request, v1::ManualReply*) {
   int lamp = -1;
   if (!request->lamp().empty()) {
-    const auto at = std::find_if(rig_.lamps.begin(), rig_.lamps.end(), [&](const auto& each) {
-      return each.name == request->lamp();
-    });
+    const auto at = std::find_if(rig_.lamps.begin(), rig_.lamps.end(),
+                                 [&](const auto& each) { return each.name == request->lamp(); });
     if (at == rig_.lamps.end()) {
       return wire::ToGrpc(InvalidArgument("lamp \"{}\" is none of the {} of rig {}",
                                           request->lamp().substr(0, 100), rig_.lamps.size(),

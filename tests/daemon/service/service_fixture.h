@@ -134,6 +134,7 @@ class ServiceTest : public ::testing::Test {
     access_ = *std::move(access);
     auto channel = wire::ConnectTo(folder_.path() / "run", wire::kDaemonName);
     ASSERT_TRUE(channel.ok()) << channel.status();
+    channel_ = *channel;
     control_ = v1::Control::NewStub(*channel);
     frames_ = v1::Frames::NewStub(*channel);
   }
@@ -165,6 +166,7 @@ class ServiceTest : public ::testing::Test {
   std::unique_ptr<DaemonService> service_;
   AccessOptions access_options_;  // before SetUp
   std::unique_ptr<Access> access_;
+  std::shared_ptr<grpc::Channel> channel_;  // gRPC's own
   std::unique_ptr<v1::Control::Stub> control_;
   std::unique_ptr<v1::Frames::Stub> frames_;
 };
