@@ -90,7 +90,8 @@ class Assembler {
   // Writes `*.btf.exr` whole or not at all. Provenance: session, plan, sample, rig, rig_sha256,
   // plan_sha256, program, frames, frames_planned, frames_superseded, frames_refused, frames_merged,
   // texels_clipped; with calibration frames also frames_ambient, frames_dark, frames_flat.
-  StatusOr<PackFigures> Pack(const std::filesystem::path& path, std::string_view session_id) const;
+  StatusOr<PackFigures> Pack(const std::filesystem::path& path, std::string_view session_id,
+                             std::string_view audit_head = {}) const;
 
  private:
   struct Slot {
@@ -132,7 +133,8 @@ class Assembler {
   // Merges slots of one view and light.
   void Merge(const std::vector<const Slot*>& slots, std::span<float> merged,
              PackFigures& figures) const;
-  std::string Provenance(std::string_view session_id, const PackFigures& figures) const;
+  std::string Provenance(std::string_view session_id, std::string_view audit_head,
+                         const PackFigures& figures) const;
 
   const Rig rig_;
   const CompiledPlan plan_;

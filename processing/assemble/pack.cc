@@ -92,7 +92,7 @@ StatusOr<btf::SampledBtf> Assembler::BuildBtf(PackFigures& figures) const {
   return btf;
 }
 
-std::string Assembler::Provenance(std::string_view session_id,
+std::string Assembler::Provenance(std::string_view session_id, std::string_view audit_head,
                                   const PackFigures& figures) const {
   const Tally counts = tally();
   nlohmann::json json{{"session", session_id},
@@ -108,6 +108,7 @@ std::string Assembler::Provenance(std::string_view session_id,
                       {"frames_refused", counts.refused},
                       {"frames_merged", figures.merged_frames},
                       {"texels_clipped", figures.clipped_texels}};
+  if (!audit_head.empty()) json["audit_head"] = audit_head;
   if (counts.ambient + counts.dark + counts.flat > 0) {
     json["frames_ambient"] = counts.ambient;
     json["frames_dark"] = counts.dark;
@@ -117,10 +118,11 @@ std::string Assembler::Provenance(std::string_view session_id,
 }
 
 StatusOr<PackFigures> Assembler::Pack(const std::filesystem::path& path,
-                                      std::string_view session_id) const {
+                                      std::string_view session_id,
+                                      std::string_view audit_head) const {
   PackFigures figures;
   MESORIG_ASSIGN_OR_RETURN(btf::SampledBtf btf, BuildBtf(figures));
-  btf.mutable_header().provenance_json = Provenance(session_id, figures);
+  btf.mutable_header().provenance_json = Provenance(session_id, audit_head, figures);
   MESORIG_RETURN_IF_ERROR(btf::WriteSampledBtf(btf, path));
   std::error_code error;
   figures.bytes = std::filesystem::file_size(path, error);

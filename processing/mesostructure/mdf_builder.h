@@ -77,7 +77,8 @@ class MdfBuilder {
   // Writes `*.mdf.exr` whole or not at all. Provenance: session, plan, sample, rig, rig_sha256,
   // plan_sha256, program, frames, frames_planned, frames_superseded, frames_refused, images,
   // images_empty.
-  StatusOr<MdfPackFigures> Pack(const std::filesystem::path& path, std::string_view session_id);
+  StatusOr<MdfPackFigures> Pack(const std::filesystem::path& path, std::string_view session_id,
+                                std::string_view audit_head = {});
 
  private:
   struct Slot {  // one (sweep, camera)
@@ -100,7 +101,7 @@ class MdfBuilder {
   StatusOr<btf::Mdf> MergeViews(const std::vector<const Slot*>& slots,
                                 MdfPackFigures& figures) const;
   std::filesystem::path PathOf(const Slot& slot) const;
-  std::string Provenance(std::string_view session_id) const;
+  std::string Provenance(std::string_view session_id, std::string_view audit_head) const;
 
   const Rig rig_;
   const CompiledPlan plan_;

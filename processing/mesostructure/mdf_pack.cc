@@ -103,9 +103,10 @@ StatusOr<btf::Mdf> MdfBuilder::Build(MdfPackFigures& figures) {
   return mdf;
 }
 
-std::string MdfBuilder::Provenance(std::string_view session_id) const {
+std::string MdfBuilder::Provenance(std::string_view session_id,
+                                   std::string_view audit_head) const {
   const SweepTally counts = tally();
-  return nlohmann::json{{"session", session_id},
+  nlohmann::json json{{"session", session_id},
                         {"plan", plan_.name},
                         {"sample", plan_.sample_name},
                         {"rig", rig_.name},
@@ -117,15 +118,17 @@ std::string MdfBuilder::Provenance(std::string_view session_id) const {
                         {"frames_superseded", counts.superseded},
                         {"frames_refused", counts.refused},
                         {"images", counts.images},
-                        {"images_empty", counts.images_empty}}
-      .dump();
+                        {"images_empty", counts.images_empty}};
+  if (!audit_head.empty()) json["audit_head"] = audit_head;
+  return json.dump();
 }
 
 StatusOr<MdfPackFigures> MdfBuilder::Pack(const std::filesystem::path& path,
-                                          std::string_view session_id) {
+                                          std::string_view session_id,
+                                          std::string_view audit_head) {
   MdfPackFigures figures;
   MESORIG_ASSIGN_OR_RETURN(btf::Mdf mdf, Build(figures));
-  mdf.mutable_header().provenance_json = Provenance(session_id);
+  mdf.mutable_header().provenance_json = Provenance(session_id, audit_head);
   MESORIG_RETURN_IF_ERROR(btf::WriteMdf(mdf, path));
   std::error_code error;
   figures.bytes = std::filesystem::file_size(path, error);

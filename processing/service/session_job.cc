@@ -159,14 +159,15 @@ Status SessionJob::Process() {
   MESORIG_ASSIGN_OR_RETURN(session_products_, SessionProducts::Create(rig_, plan, folder));
   ReleaseSweeps();  // of an earlier run
   MESORIG_RETURN_IF_ERROR(ReadAllCameras(cameras));
-  MESORIG_ASSIGN_OR_RETURN(const uint32_t start, AwaitComplete());
+  MESORIG_ASSIGN_OR_RETURN(const v1::SessionReply complete, AwaitComplete());
+  const uint32_t start = complete.starts();
   {
     MutexLock lock(mutex_);
     start_ = start;
   }
   MESORIG_RETURN_IF_ERROR(BeginProducts(folder, start));
   ReleaseSweeps();
-  return Pack();
+  return Pack(complete.audit_head());
 }
 
 StatusOr<v1::SessionReply> SessionJob::AskSession() {
@@ -313,11 +314,11 @@ Status SessionJob::Take(int camera, const v1::Frame& frame) {
 
 // A stream ends with OK when its camera has no more frames; whether the ledger balances is the
 // daemon's to say. Returns the start that it was complete with.
-StatusOr<uint32_t> SessionJob::AwaitComplete() {
+StatusOr<v1::SessionReply> SessionJob::AwaitComplete() {
   const auto start = Clock::now();
   for (;;) {
-    MESORIG_ASSIGN_OR_RETURN(const v1::SessionReply session, AskSession());
-    if (session.ended() && session.complete()) return session.starts();
+    MESORIG_ASSIGN_OR_RETURN(v1::SessionReply session, AskSession());
+    if (session.ended() && session.complete()) return session;
     if (session.ended()) return FailedPrecondition("the session ended incomplete");
     if (SecondsSince(start) > options_.patience_s) {
       return FailedPrecondition("every frame is here, but the session has not ended");
@@ -326,11 +327,11 @@ StatusOr<uint32_t> SessionJob::AwaitComplete() {
   }
 }
 
-Status SessionJob::Pack() {
+Status SessionJob::Pack(const std::string& audit_head) {
   const auto start = Clock::now();
   std::optional<SlotGuard> slot(slots_);
   MESORIG_ASSIGN_OR_RETURN(const std::vector<v1::Product> products,
-                           session_products_->Pack(session_id_));
+                           session_products_->Pack(session_id_, audit_head));
   slot.reset();
   MutexLock lock(mutex_);
   busy_s_ += SecondsSince(start);

@@ -61,8 +61,8 @@ class SessionJob final : public Job {
   Status Take(int camera, const v1::Frame& frame);
   // Tells the daemon of sweeps whose raw frames may go. What it does not hear is told again.
   void ReleaseSweeps();
-  StatusOr<uint32_t> AwaitComplete();
-  Status Pack();
+  StatusOr<v1::SessionReply> AwaitComplete();
+  Status Pack(const std::string& audit_head);
   void Fail(const Status& status);
 
   const std::string session_id_;

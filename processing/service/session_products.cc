@@ -96,10 +96,11 @@ Status SessionProducts::CheckWhole() const {
   return DataLoss("{} of {} planned frames arrived", frames(), frames_planned());
 }
 
-StatusOr<v1::Product> SessionProducts::PackBtf(const std::string& session_id) {
+StatusOr<v1::Product> SessionProducts::PackBtf(const std::string& session_id,
+                                                const std::string& audit_head) {
   const std::filesystem::path path = BtfPath(folder_);
   MESORIG_ASSIGN_OR_RETURN(const assemble::PackFigures figures,
-                           assembler_->Pack(path, session_id));
+                           assembler_->Pack(path, session_id, audit_head));
   const assemble::Tally tally = assembler_->tally();
   if (tally.refused > 0) {
     Log("processing").warn("session {}: {} frames refused, first: {}", session_id, tally.refused,
@@ -121,10 +122,11 @@ StatusOr<v1::Product> SessionProducts::PackBtf(const std::string& session_id) {
   return ProductOf("btf", path, figures.bytes);
 }
 
-StatusOr<v1::Product> SessionProducts::PackMdf(const std::string& session_id) {
+StatusOr<v1::Product> SessionProducts::PackMdf(const std::string& session_id,
+                                                const std::string& audit_head) {
   const std::filesystem::path path = MdfPath(folder_);
   MESORIG_ASSIGN_OR_RETURN(const mesostructure::MdfPackFigures figures,
-                           mdf_builder_->Pack(path, session_id));
+                           mdf_builder_->Pack(path, session_id, audit_head));
   const mesostructure::SweepTally tally = mdf_builder_->tally();
   if (tally.images_empty > 0) {
     Log("processing").warn("session {}: {} of {} displacement images are empty, first: {}", session_id,
@@ -138,14 +140,15 @@ StatusOr<v1::Product> SessionProducts::PackMdf(const std::string& session_id) {
   return ProductOf("mdf", path, figures.bytes);
 }
 
-StatusOr<std::vector<v1::Product>> SessionProducts::Pack(const std::string& session_id) {
+StatusOr<std::vector<v1::Product>> SessionProducts::Pack(const std::string& session_id,
+                                                             const std::string& audit_head) {
   std::vector<v1::Product> products;
   if (has_data_) {
-    MESORIG_ASSIGN_OR_RETURN(v1::Product btf, PackBtf(session_id));
+    MESORIG_ASSIGN_OR_RETURN(v1::Product btf, PackBtf(session_id, audit_head));
     products.push_back(std::move(btf));
   }
   if (mdf_builder_ != nullptr) {
-    MESORIG_ASSIGN_OR_RETURN(v1::Product mdf, PackMdf(session_id));
+    MESORIG_ASSIGN_OR_RETURN(v1::Product mdf, PackMdf(session_id, audit_head));
     products.push_back(std::move(mdf));
   }
   if (products.empty()) {

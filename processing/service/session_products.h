@@ -38,14 +38,16 @@ class SessionProducts {
   std::vector<uint32_t> TakeReleasable();
   // DataLoss unless every planned frame has arrived.
   Status CheckWhole() const;
+  // `audit_head`: of the daemon's audit log, for the products' provenance.
   // A plan of calibration frames only has no product.
-  StatusOr<std::vector<v1::Product>> Pack(const std::string& session_id);
+  StatusOr<std::vector<v1::Product>> Pack(const std::string& session_id,
+                                           const std::string& audit_head);
 
  private:
   SessionProducts(const CompiledPlan& plan, std::filesystem::path folder);
 
-  StatusOr<v1::Product> PackBtf(const std::string& session_id);
-  StatusOr<v1::Product> PackMdf(const std::string& session_id);
+  StatusOr<v1::Product> PackBtf(const std::string& session_id, const std::string& audit_head);
+  StatusOr<v1::Product> PackMdf(const std::string& session_id, const std::string& audit_head);
 
   const std::filesystem::path folder_;
   const bool has_data_;  // of lamps: there is a BTF
