@@ -179,8 +179,8 @@ std::vector<Command> AddLease(CLI::App& app, Common& common) {
           {release,
            [&common, token]() -> Status {
              MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
-             MESORIG_ASSIGN_OR_RETURN(const auto lease, daemon->ReleaseLease(*token));
-             return PrintLease(common, lease);
+             MESORIG_ASSIGN_OR_RETURN(const auto left, daemon->ReleaseLease(*token));
+             return PrintLease(common, left);
            }},
           {status,
            [&common]() -> Status {
@@ -190,8 +190,8 @@ std::vector<Command> AddLease(CLI::App& app, Common& common) {
            }},
           {request, [&common]() -> Status {
              MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
-             MESORIG_ASSIGN_OR_RETURN(const auto lease, daemon->RequestHandover());
-             return PrintLease(common, lease);
+             MESORIG_ASSIGN_OR_RETURN(const auto asked, daemon->RequestHandover());
+             return PrintLease(common, asked);
            }}};
 }
 
