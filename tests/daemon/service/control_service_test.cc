@@ -130,10 +130,13 @@ TEST_F(ControlServiceTest, WatchReplaysAndFollows) {
   note.text = "camera cam3 owed a frame";
   sequencer_.Emit(note);
   grpc::ClientContext context;
-  const auto stream = control_->Watch(&context, v1::WatchRequest());
+  v1::WatchRequest request;
+  request.set_after_sequence(run.event_sequence());
+  request.set_life(run.life());
+  const auto stream = control_->Watch(&context, request);
   v1::Event event;
   ASSERT_TRUE(stream->Read(&event));
-  EXPECT_EQ(event.sequence(), 1u);
+  EXPECT_EQ(event.sequence(), run.event_sequence() + 1);
   EXPECT_EQ(event.started().session_id(), run.session_id());
   EXPECT_EQ(event.started().frames(), 64u);
   ASSERT_TRUE(stream->Read(&event));
@@ -144,10 +147,12 @@ TEST_F(ControlServiceTest, WatchReplaysAndFollows) {
   ended.virtual_s = 8;
   sequencer_.Emit(ended);
   ASSERT_TRUE(stream->Read(&event));
-  EXPECT_EQ(event.sequence(), 3u);
+  EXPECT_EQ(event.sequence(), run.event_sequence() + 3);
   EXPECT_FALSE(event.ended().complete());
   EXPECT_EQ(event.ended().reason(), "the door was opened");
   EXPECT_EQ(event.ended().virtual_s(), 8);
+  ASSERT_TRUE(stream->Read(&event));
+  EXPECT_EQ(event.lease().change(), "run ended");
   service_->BeginShutdown();
   EXPECT_FALSE(stream->Read(&event));
   EXPECT_EQ(stream->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
@@ -233,6 +238,9 @@ TEST_F(ControlServiceTest, AStopDuringRunIsNotLost) {
     EXPECT_TRUE(status.ok() || status.error_code() == grpc::StatusCode::CANCELLED)
         << status.error_message();
     sequencer_.SetStatus({});
+    SequencerEvent ended;  // and with it the run's lease
+    ended.kind = SequencerEvent::Kind::kEnded;
+    sequencer_.Emit(ended);
   }
   stopper.join();
   EXPECT_GE(sequencer_.stopped().size(), 20u);

@@ -54,7 +54,7 @@ TEST(EventLog, GapsAndEventsAreEverything) {
     EventLog log(kept, "a");
     uint64_t cursor = 0, accounted = 0;
     int next = 1;
-    for (int round = 0; round < 40; ++round) {
+    for (int round = 0; round < 41; ++round) {
       AppendNotes(log, next, next + (round * 7) % 13);
       next += (round * 7) % 13 + 1;
       if (round % 3 == 0) continue;
