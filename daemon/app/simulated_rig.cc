@@ -73,27 +73,21 @@ Status SimulatedRig::MakeDevices() {
   devices.lamps = lamps_.get();
   devices.lines = lines_.get();
   devices.stop = &stop_;
-  ManualDevices by_hand;
-  by_hand.axes = devices.axes;
-  by_hand.lamps = devices.lamps;
-  by_hand.stop = &stop_;
-  by_hand.may_energise = [this] { return MayEnergiseByHand(); };
   sequencer_ = Sequencer::Create(*link_, rig_, std::move(devices),
                                  [link = link_.get()] { return link->deterministic(); });
-  manual_ = ManualControl::Create(*link_, rig_, std::move(by_hand));
-  return OkStatus();
-}
-
-Status SimulatedRig::MayEnergiseByHand() {
-  const SequencerState state = sequencer_->GetStatus().state;
-  if (state != SequencerState::kIdle) {
+  Safety& safety = *sequencer_->safety();
+  ManualDevices by_hand;
+  by_hand.axes = safety.axes();
+  by_hand.lamps = safety.lamps();
+  by_hand.gate = safety.gate();
+  by_hand.stop = &stop_;
+  by_hand.may_energise = [this, &safety] {
+    const SequencerState state = sequencer_->GetStatus().state;
+    if (state == SequencerState::kIdle) return safety.MayEnergise();
     return FailedPrecondition("nothing by hand while the daemon is {}", RowOf(state).name);
-  }
-  for (const auto& [line, name] :
-       {std::pair(rig_.lines.estop, "estop"), {rig_.lines.door, "door"}}) {
-    MESORIG_ASSIGN_OR_RETURN(const bool closed, lines_->Read(line));
-    if (!closed) return FailedPrecondition("the interlock chain is open: {} (line {})", name, line);
-  }
+  };
+  by_hand.alive = [&safety] { safety.Alive(); };
+  manual_ = ManualControl::Create(*link_, rig_, std::move(by_hand));
   return OkStatus();
 }
 

@@ -35,7 +35,6 @@ class SimulatedRig {
       : rig_(rig), link_(std::move(link)), stop_(*link_) {}
   Status OpenBuses();
   Status MakeDevices();
-  Status MayEnergiseByHand();
 
   const Rig& rig_;
   std::unique_ptr<sim_wire::SimLink> link_;

@@ -16,6 +16,7 @@ class AxisGuard final : public Axis {
   Status Enable() override;
   Status StartHoming() override;
   Status StartMove(double target_rad) override;
+  Status SetSpeed(double rad_s) override { return axis_.SetSpeed(rad_s); }
   Status Disable() override;
   Status AwaitHoming(RigTime deadline) override;
   Status AwaitMove(RigTime deadline) override;
