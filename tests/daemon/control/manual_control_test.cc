@@ -237,13 +237,13 @@ TEST_P(ManualControlCut, AtEachOperation) {
   for (int at = 0;; ++at) {
     Hand hand;
     hand.manual->Admit(1);
-    std::atomic<bool> cut{false};
+    std::atomic<bool> cut{false}, ended{false};
     std::vector<std::string> after;
     std::promise<void> given;  // all orders are, before the first is carried out
     const std::shared_future<void> all_given = given.get_future().share();
     hand.log.OnOperation([&](int index, const std::string& operation) {
       all_given.wait();
-      if (index == at) {
+      if (index == at && !ended) {
         if (how == "stop") hand.manual->Stop("stopped");
         if (how == "close" || how == "hand over") hand.manual->Close(1, "the lease expired");
         if (how == "hand over") hand.manual->Admit(2);
@@ -260,6 +260,7 @@ TEST_P(ManualControlCut, AtEachOperation) {
     given.set_value();
     std::vector<Status> ends;
     for (auto& order : orders) ends.push_back(order.get());
+    ended = true;
     hand.manual->Close(2, "the end");
     hand.ExpectOff();
     hand.log.OnOperation(nullptr);  // its variables go before manual control does
