@@ -142,6 +142,7 @@ class ServiceTest : public ::testing::Test {
     if (service_) service_->BeginShutdown();
     if (access_) access_->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(5));
     access_.reset();
+    service_.reset();  // it uses `manual_` until its end
   }
   std::filesystem::path root() const { return folder_.path() / "sessions"; }
   std::string PlanText() const {
