@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include <cstring>
@@ -11,6 +10,7 @@
 #include "protocol/base/mutex.h"
 #include "protocol/base/runtime_dir.h"
 #include "protocol/wire/channel.h"
+#include "tests/fixtures/dial.h"
 
 namespace mesorig::wire {
 namespace {
@@ -41,14 +41,6 @@ class ListenersTest : public ::testing::Test {
     while (taken_.size() < count) came_.Wait(mutex_);
     return taken_;
   }
-  static int Dial(const fs::path& path) {
-    sockaddr_un to{};
-    to.sun_family = AF_UNIX;
-    std::strncpy(to.sun_path, path.c_str(), sizeof(to.sun_path) - 1);
-    const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    EXPECT_EQ(::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof(to)), 0);
-    return fd;
-  }
   fs::path dir_;
   Mutex mutex_;
   CondVar came_;
@@ -59,7 +51,7 @@ class ListenersTest : public ::testing::Test {
 TEST_F(ListenersTest, TellsWhoComes) {
   ASSERT_TRUE(listeners_.AddUnix(dir_ / "s", 0600, std::nullopt, Keep()).ok());
   listeners_.Start();
-  const int fd = Dial(dir_ / "s");
+  const int fd = test::DialUnix(dir_ / "s");
   const auto taken = Await(1);
   ASSERT_TRUE(taken[0].local.has_value());
   EXPECT_EQ(taken[0].local->uid, ::getuid());
@@ -84,9 +76,9 @@ TEST_F(ListenersTest, OneMayHaveSoManyAtATime) {
   ASSERT_TRUE(listeners_.AddUnix(dir_ / "s", 0600, std::nullopt, Keep()).ok());
   listeners_.Start();
   std::vector<int> fds;
-  for (int i = 0; i < 3; ++i) fds.push_back(Dial(dir_ / "s"));
+  for (int i = 0; i < 3; ++i) fds.push_back(test::DialUnix(dir_ / "s"));
   Await(3);
-  const int refused = Dial(dir_ / "s");
+  const int refused = test::DialUnix(dir_ / "s");
   char byte = 0;
   EXPECT_EQ(::read(refused, &byte, 1), 0) << "closed at once";
   // The taker has closed one: there is room again.
@@ -95,7 +87,7 @@ TEST_F(ListenersTest, OneMayHaveSoManyAtATime) {
     ::close(taken_[0].fd);
     taken_.erase(taken_.begin());
   }
-  fds.push_back(Dial(dir_ / "s"));
+  fds.push_back(test::DialUnix(dir_ / "s"));
   EXPECT_EQ(Await(3).size(), 3u);
   ::close(refused);
   for (const int fd : fds) ::close(fd);
