@@ -54,7 +54,6 @@ Safety::Safety(RigClock& clock, const Rig& rig, SafetyDevices devices, StopFlag&
       options_(options),
       alive_limit_(AliveLimit(rig)),
       hours_(rig),
-      logic_(ResetWasPressed(rig.lines, devices_.lines)),
       torque_asked_(devices_.axes.size()),
       chain_(clock, devices_.lines, rig.lines, stop,
              [this](const InterlockChain::Levels& levels, bool reset_edge) {
@@ -66,7 +65,18 @@ Safety::Safety(RigClock& clock, const Rig& rig, SafetyDevices devices, StopFlag&
                StepInsideChange(reset_edge, false);
              }),
       stop_round_(std::chrono::steady_clock::now()) {
-  if (logic_.latched() != 0) seen_.reason = CauseInsideChange(TripCause::kStart);
+  // The chain hears every edge from here on: whoever presses reset while this starts is seen either
+  // by the edge or by what the contactor says after it.
+  (void)chain_.Check();
+  if (ResetWasPressed(rig.lines, devices_.lines)) {
+    clock.Change([&] { logic_.TakeTheRigsWord(); });
+  }
+  clock.Read([&] {
+    for (int i = kTripCauses - 1; i >= 0; --i) {
+      const auto cause = static_cast<TripCause>(i);
+      if (logic_.Has(cause)) seen_.reason = CauseInsideChange(cause);
+    }
+  });
   seen_.has_power_line = rig.lines.power >= 0;
   // What an earlier daemon left on has its own time to go off.
   dark_at_ = clock.Now() + FromSeconds(kLightStuck_s + 2 * MaxSettle_s(rig));

@@ -60,9 +60,9 @@ struct SafetyOutputs {
 // A value; equal values behave equally.
 class SafetyLogic {
  public:
-  // `reset_was_pressed`: the rig's own latch (the contactor) tells that somebody did.
-  explicit SafetyLogic(bool reset_was_pressed)
-      : latched_(reset_was_pressed ? 0 : Bit(TripCause::kStart)) {}
+  // The rig's own latch (the contactor) tells that somebody has pressed reset since the rig was
+  // switched on. For the start alone.
+  void TakeTheRigsWord() { latched_ &= static_cast<uint16_t>(~Bit(TripCause::kStart)); }
 
   SafetyOutputs Step(const SafetyInputs& inputs);
   uint16_t latched() const { return latched_; }  // bits of TripCause
@@ -73,7 +73,7 @@ class SafetyLogic {
   uint32_t Key() const { return latched_ * 2u + (was_closed_ ? 1 : 0); }  // equal for equal values
 
  private:
-  uint16_t latched_;
+  uint16_t latched_ = Bit(TripCause::kStart);
   bool was_closed_ = false;
 };
 

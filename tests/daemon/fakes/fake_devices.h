@@ -216,7 +216,16 @@ class FakeLines final : public DigitalLines {
         level = !open_.contains(line);
       }
     });
+    if (line == hand_line_) {
+      hand_line_ = -1;
+      std::exchange(hand_, nullptr)();
+    }
     return level;
+  }
+  // Just after `line` was read next, before who reads it knows: somebody at the rig.
+  void AfterReading(int line, std::function<void()> hand) {
+    hand_line_ = line;
+    hand_ = std::move(hand);
   }
   // A rising edge of `trigger` lights `on` for the one-shot's time.
   void AddOneShot(int trigger, int on) {
@@ -281,6 +290,8 @@ class FakeLines final : public DigitalLines {
   bool broken_ = false;
   int fail_reads_ = 0;
   std::function<void(int, bool, RigTime)> on_edge_;
+  int hand_line_ = -1;
+  std::function<void()> hand_;
 };
 
 class FakeCamera final : public Camera {

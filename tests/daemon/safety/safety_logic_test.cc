@@ -55,9 +55,15 @@ bool StepHolds(const SafetyLogic& before, const SafetyInputs& in, const SafetyLo
   return true;
 }
 
+SafetyLogic AfterReset() {
+  SafetyLogic logic;
+  logic.TakeTheRigsWord();
+  return logic;
+}
+
 TEST(SafetyLogic, EveryReachableStateUnderEveryInput) {
   std::unordered_map<uint32_t, bool> was_closed_of;  // by key: the only other memory
-  std::deque<SafetyLogic> open = {SafetyLogic(true), SafetyLogic(false)};
+  std::deque<SafetyLogic> open = {AfterReset(), SafetyLogic()};
   std::vector<SafetyLogic> reached(open.begin(), open.end());
   std::unordered_set<uint32_t> known = {open[0].Key(), open[1].Key()};
   uint64_t steps = 0, breaches = 0;
@@ -103,7 +109,7 @@ TEST(SafetyLogic, EveryReachableStateUnderEveryInput) {
 
 // The rig around it: hardware that obeys, or not.
 struct Plant {
-  SafetyLogic logic{true};
+  SafetyLogic logic = AfterReset();
   bool contactor = true, torque = false, lamp = false, laser = false;
   bool was_open = false;  // the chain, at the step before
   uint64_t Key() const {
@@ -152,7 +158,7 @@ void Turn(Plant& plant, const Move& move, bool welded) {
 }
 
 void ExplorePlant(bool welded) {
-  std::deque<Plant> open = {Plant{}, Plant{SafetyLogic(false), false}};
+  std::deque<Plant> open = {Plant{}, Plant{SafetyLogic(), false}};
   std::unordered_set<uint64_t> known = {open[0].Key(), open[1].Key()};
   uint64_t turns = 0, breaches = 0;
   while (!open.empty()) {
@@ -187,7 +193,7 @@ TEST(SafetyLogic, LongRandomSequences) {
   std::mt19937 random(20050801);
   uint64_t permitted = 0;
   for (int sequence = 0; sequence < 200; ++sequence) {
-    SafetyLogic logic(sequence % 2 == 0);
+    SafetyLogic logic = sequence % 2 == 0 ? AfterReset() : SafetyLogic();
     for (int step = 0; step < 2000; ++step) {
       // Mostly quiet, so that it also comes to be permitted.
       uint32_t bits = random() % (1u << kInputBits);
@@ -205,7 +211,7 @@ TEST(SafetyLogic, LongRandomSequences) {
 }
 
 TEST(SafetyLogic, ResetCountsOnlyAfterClosing) {
-  SafetyLogic logic(true);
+  SafetyLogic logic = AfterReset();
   SafetyInputs in;
   in.readable = in.estop = in.door = true;
   EXPECT_TRUE(logic.Step(in).may_energise);
@@ -223,7 +229,7 @@ TEST(SafetyLogic, ResetCountsOnlyAfterClosing) {
 }
 
 TEST(SafetyLogic, ARigThatWasSwitchedOnNeedsAReset) {
-  SafetyLogic logic(false);
+  SafetyLogic logic;
   SafetyInputs in;
   in.readable = in.estop = in.door = in.console_reset = true;
   EXPECT_FALSE(logic.Step(in).may_energise);

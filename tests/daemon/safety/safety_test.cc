@@ -124,6 +124,21 @@ TEST_F(SafetyTest, ARigThatWasJustSwitchedOnWaitsForReset) {
   EXPECT_EQ(WhyNot(), "");
 }
 
+TEST_F(SafetyTest, AHandThatResetsWhileTheDaemonStartsIsSeen) {
+  for (const int line : {rig_.lines.estop, rig_.lines.door, rig_.lines.power}) {
+    safety_.reset();
+    lines_.Set(rig_.lines.door, false);
+    lines_.Set(rig_.lines.power, false);
+    lines_.AfterReading(line, [this] {
+      lines_.Set(rig_.lines.door, true);
+      lines_.Set(rig_.lines.power, true);
+      PressReset();
+    });
+    safety_ = std::make_unique<Safety>(clock_, rig_, devices_, stop_);
+    EXPECT_EQ(WhyNot(), "") << "line " << line;
+  }
+}
+
 TEST_F(SafetyTest, HotHousingTripsUntilItHasCooled) {
   TurnOn();
   lamps_.housing_c = {150, 199};
