@@ -165,7 +165,11 @@ Status Compress(const CompressOptions& options) {
   MESORIG_ASSIGN_OR_RETURN(const btf::SampledBtf btf, btf::ReadSampledBtf(options.from));
   progress.Show(0.3);
   const auto start = std::chrono::steady_clock::now();
-  MESORIG_ASSIGN_OR_RETURN(const auto encoded, encoder->Encode(btf, options.encode));
+  const bool targeted = options.target.error > 0 || options.target.bytes > 0;
+  MESORIG_ASSIGN_OR_RETURN(
+      const auto encoded,
+      targeted ? codecs::EncodeToTarget(*encoder, btf, options.encode, options.target)
+               : encoder->Encode(btf, options.encode));
   const double encode_s = SecondsSince(start);
   progress.Show(0.6);
   MESORIG_RETURN_IF_ERROR(codecs::WriteEncodedBtf(*encoded, options.to));
@@ -186,6 +190,7 @@ Status Compress(const CompressOptions& options) {
                    {"bytes", bytes},
                    {"uncompressed_bytes", raw},
                    {"ratio", ratio},
+                   {"clamped_mass", codecs::MeasureDecoded(*encoded, btf).clamped_mass},
                    {"encode_s", encode_s},
                    {"decode_s", decode_s},
                    {"seconds", SecondsSince(start)}});

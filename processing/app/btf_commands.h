@@ -7,6 +7,7 @@
 #include <string>
 
 #include "processing/codecs/encoder.h"
+#include "processing/codecs/target.h"
 #include "protocol/base/status.h"
 
 namespace mesorig::processing {
@@ -23,6 +24,7 @@ struct CompressOptions {
   std::filesystem::path from, to;
   std::string codec;
   codecs::EncodeOptions encode;
+  codecs::Target target;  // instead of encode.terms, where one is set
   bool json = false;
 };
 Status Compress(const CompressOptions& options);

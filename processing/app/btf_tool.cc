@@ -3,7 +3,9 @@
 #include <CLI/CLI.hpp>
 #include <charconv>
 
+#include "processing/app/bench_command.h"
 #include "processing/app/btf_commands.h"
+#include "processing/app/encode_options.h"
 #include "processing/app/stripe_command.h"
 #include "processing/exchange/importer.h"
 #include "protocol/base/program.h"
@@ -21,17 +23,6 @@ std::string Names(const Registry& registry) {
   return names;
 }
 
-// "4" or "all".
-std::string SetTerms(const std::string& text, int& terms) {
-  if (text == "all") {
-    terms = codecs::kAllTerms;
-    return {};
-  }
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), terms);
-  if (error == std::errc() && end == text.data() + text.size() && terms >= 1) return {};
-  return "`" + text + "` is neither a number >= 1 nor `all`";
-}
-
 // "X,Y,W,H".
 bool SetRegion(const std::string& text, std::array<int, 4>& region) {
   const char* at = text.data();
@@ -45,27 +36,13 @@ bool SetRegion(const std::string& text, std::array<int, 4>& region) {
   return at == end;
 }
 
-void AddEncodeOptions(CLI::App* command, codecs::EncodeOptions& options) {
-  command
-      ->add_option_function<std::string>(
-          "--terms", [&options](const std::string& text) {
-            if (const std::string problem = SetTerms(text, options.terms); !problem.empty()) {
-              throw CLI::ValidationError("--terms", problem);
-            }
-          },
-          "terms of a factorisation, or `all`")
-      ->type_name("N|all");
-  command->add_option("--regularisation", options.regularisation,
-                      "weight of the codec's prior, in lights (rf-ptm: 0.01)")
-      ->check(CLI::Range(0.0, 1e6));
-}
-
 struct Arguments {
   std::string from, to, reference, format = "multi-light", pictures;
   processing::CompressOptions compress;
   processing::SliceOptions slice;
   processing::CrossValidateOptions cross;
   processing::StripeCommand stripe;
+  processing::BenchCommand bench;
   bool by_angle = false, json = false;
 };
 
@@ -97,7 +74,11 @@ void AddCommands(CLI::App& app, Arguments& a) {
   compress->add_option("file", a.from, "uncompressed *.btf.exr")->required();
   compress->add_option("--codec", a.compress.codec, Names(codecs::AllEncoders()))->required();
   compress->add_option("-o,--out", a.to, "BTF file to write")->required();
-  AddEncodeOptions(compress, a.compress.encode);
+  processing::AddEncodeOptions(compress, a.compress.encode);
+  compress->add_option("--target-error", a.compress.target.error,
+                       "fewest terms with at most this relative error")->check(CLI::PositiveNumber);
+  compress->add_option("--target-bytes", a.compress.target.bytes,
+                       "most terms in a file of at most so many bytes")->check(CLI::PositiveNumber);
 
   CLI::App* compare = AddCommand(
       app, "compare",
@@ -120,7 +101,7 @@ void AddCommands(CLI::App& app, Arguments& a) {
   cross->add_option("file", a.from, "uncompressed *.btf.exr")->required();
   cross->add_option("--codec", a.cross.codec, Names(codecs::AllEncoders()))->required();
   cross->add_option("--pictures", a.pictures, "folder for PNGs, measured | predicted a light");
-  AddEncodeOptions(cross, a.cross.encode);
+  processing::AddEncodeOptions(cross, a.cross.encode);
 
   CLI::App* slice = AddCommand(app, "slice", "one image of a BTF file as PNG; of an MDF file the heights that a view shows", a);
   slice->add_option("file", a.from, "*.btf.exr or *.mdf.exr")->required();
@@ -129,6 +110,20 @@ void AddCommands(CLI::App& app, Arguments& a) {
   slice->add_option("--exposure", a.slice.exposure, "factor before sRGB; chosen without it")
       ->check(CLI::PositiveNumber);
   slice->add_option("-o,--out", a.to, "PNG to write")->required();
+}
+
+void AddBench(CLI::App& app, Arguments& a) {
+  CLI::App* bench = AddCommand(
+      app, "bench",
+      "every codec at every setting on one BTF: error, PSNR, 99th percentile, what clamping would "
+      "add, bytes, time to encode and to decode, memory; with --out a page with plots and a "
+      "recommendation", a);
+  bench->add_option("file", a.from, "uncompressed *.btf.exr")->required();
+  bench->add_option("--codecs", a.bench.codecs, Names(codecs::AllEncoders()))->delimiter(',');
+  bench->add_option("--most-terms", a.bench.most_terms, "where the sweep of terms ends")
+      ->check(CLI::Range(1, 4096))
+      ->capture_default_str();
+  bench->add_option("-o,--out", a.bench.out, "folder to write");
 }
 
 void AddStripe(CLI::App& app, Arguments& a) {
@@ -171,6 +166,11 @@ Status Run(const CLI::App& app, Arguments& a) {
     a.stripe.json = a.json;
     return processing::FitStripes(a.stripe);
   }
+  if (app.got_subcommand("bench")) {
+    a.bench.from = a.from;
+    a.bench.json = a.json;
+    return processing::Bench(a.bench);
+  }
   a.cross.from = a.from;
   a.cross.json = a.json;
   if (!a.pictures.empty()) a.cross.pictures = a.pictures;
@@ -187,5 +187,6 @@ int main(int argc, char** argv) {
   Arguments arguments;
   AddCommands(app, arguments);
   AddStripe(app, arguments);
+  AddBench(app, arguments);
   return mesorig::RunProgram(app, "mesorig-btf", argc, argv, [&] { return Run(app, arguments); });
 }

@@ -2,6 +2,7 @@
 
 #include <Imath/half.h>
 #include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfIntAttribute.h>
 
 #include <algorithm>
 #include <cmath>
@@ -215,6 +216,61 @@ StatusOr<SampledBtf> ReadSampledBtf(const std::filesystem::path& path) {
   return btf;
 }
 
+namespace {
+
+constexpr int kBytesPerPixel = 4;
+constexpr float kLargestByte = 127;
+constexpr const char* kByteWidth = "byteWidth";
+
+int PackedWidth(int width) { return (width + kBytesPerPixel - 1) / kBytesPerPixel; }
+
+// The channel of `plane` as bytes, four to a value of `pixels`.
+void PackBytes(const Plane& plane, size_t channel, std::vector<float>& pixels) {
+  const auto width = static_cast<size_t>(plane.width), height = static_cast<size_t>(plane.height);
+  const float* const from = plane.values.data() + channel * width * height;
+  auto* const to = reinterpret_cast<char*>(pixels.data());
+  const size_t row_bytes = static_cast<size_t>(PackedWidth(plane.width)) * kBytesPerPixel;
+  for (size_t y = 0; y < height; ++y) {
+    for (size_t x = 0; x < width; ++x) {
+      to[y * row_bytes + x] = static_cast<char>(static_cast<int8_t>(from[y * width + x]));
+    }
+  }
+}
+
+Status CheckBytes(const Plane& plane) {
+  for (const float x : plane.values) {
+    if (!(std::abs(x) <= kLargestByte)) {
+      return InvalidArgument("plane {}: {} is no byte, permitted are -127 to 127", plane.name, x);
+    }
+  }
+  return OkStatus();
+}
+
+// The part of a plane, without its values.
+StatusOr<PartToWrite> PartOf(const Plane& plane) {
+  const size_t size = static_cast<size_t>(std::max(plane.width, 0)) *
+                      static_cast<size_t>(std::max(plane.height, 0)) * plane.channels.size();
+  if (size == 0 || plane.values.size() != size) {
+    return InvalidArgument("plane {} has {} values for {} x {} x {} channels", plane.name,
+                           plane.values.size(), plane.width, plane.height, plane.channels.size());
+  }
+  PartToWrite part;
+  part.name = plane.name;
+  part.width = plane.width;
+  part.height = plane.height;
+  if (plane.bytes) {
+    MESORIG_RETURN_IF_ERROR(CheckBytes(plane));
+    part.width = PackedWidth(plane.width);
+    part.header.insert(kByteWidth, Imf::IntAttribute(plane.width));
+  }
+  for (const std::string& channel : plane.channels) {
+    part.channels.push_back({channel, plane.half, plane.bytes});
+  }
+  return part;
+}
+
+}  // namespace
+
 Status WriteCodedBtf(const BtfFileInfo& info, const std::vector<Plane>& planes,
                      std::span<const float> preview, const std::filesystem::path& path) {
   const Status valid = CheckInfo(info);
@@ -225,24 +281,15 @@ Status WriteCodedBtf(const BtfFileInfo& info, const std::vector<Plane>& planes,
   }
   std::vector<PartToWrite> parts = {PreviewPart(info)};
   for (const Plane& plane : planes) {
-    const size_t size = static_cast<size_t>(std::max(plane.width, 0)) *
-                        static_cast<size_t>(std::max(plane.height, 0)) * plane.channels.size();
-    if (size == 0 || plane.values.size() != size) {
-      return InvalidArgument("{}: plane {} has {} values for {} x {} x {} channels", path.string(),
-                             plane.name, plane.values.size(), plane.width, plane.height,
-                             plane.channels.size());
-    }
-    PartToWrite part;
-    part.name = plane.name;
-    part.width = plane.width;
-    part.height = plane.height;
-    for (const std::string& channel : plane.channels) part.channels.push_back({channel, plane.half});
-    parts.push_back(std::move(part));
+    auto part = PartOf(plane);
+    if (!part.ok()) return Annotate(part.status(), path.string());
+    parts.push_back(*std::move(part));
   }
   const FillChannel fill_preview = PreviewFill(info, preview);
   return WriteExr(path, info.header.width, info.header.height, std::move(parts),
                   [&](size_t part, size_t channel, std::vector<float>& values) {
                     if (part == 0) return fill_preview(part, channel, values);
+                    if (planes[part - 1].bytes) return PackBytes(planes[part - 1], channel, values);
                     const float* first =
                         planes[part - 1].values.data() + channel * values.size();
                     std::copy(first, first + values.size(), values.begin());
@@ -250,6 +297,33 @@ Status WriteCodedBtf(const BtfFileInfo& info, const std::vector<Plane>& planes,
 }
 
 namespace {
+
+// The values of a part of UINT channels; plane.width is the packed width before, the true one after.
+Status ReadBytes(const ExrReader& reader, int part, Plane& plane) {
+  const auto* const attribute =
+      reader.header(part).findTypedAttribute<Imf::IntAttribute>(kByteWidth);
+  const int width = attribute != nullptr ? attribute->value() : 0;
+  if (width < 1 || width > (1 << 30) || PackedWidth(width) != plane.width) {
+    return InvalidArgument("{}: part {} of bytes has {} pixels a row and {} {}", reader.name(),
+                           plane.name, plane.width, kByteWidth, width);
+  }
+  const size_t height = static_cast<size_t>(plane.height);
+  const size_t row = static_cast<size_t>(plane.width), pixels = row * height;
+  std::vector<uint32_t> packed(pixels * plane.channels.size());
+  std::vector<Slice<uint32_t>> slices;
+  for (size_t c = 0; c < plane.channels.size(); ++c) {
+    slices.push_back({plane.channels[c], packed.data() + c * pixels, 1, plane.width});
+  }
+  MESORIG_RETURN_IF_ERROR(reader.ReadPart(part, slices));
+  plane.values.reserve(static_cast<size_t>(width) * height * plane.channels.size());
+  const auto* const bytes = reinterpret_cast<const int8_t*>(packed.data());
+  for (size_t y = 0; y < height * plane.channels.size(); ++y) {
+    const int8_t* const first = bytes + y * row * kBytesPerPixel;
+    plane.values.insert(plane.values.end(), first, first + width);
+  }
+  plane.width = width;
+  return OkStatus();
+}
 
 StatusOr<Plane> ReadPlane(const ExrReader& reader, int part) {
   Plane plane;
@@ -260,11 +334,21 @@ StatusOr<Plane> ReadPlane(const ExrReader& reader, int part) {
   for (auto channel = channels.begin(); channel != channels.end(); ++channel) {
     plane.channels.emplace_back(channel.name());
     plane.half = plane.half && channel.channel().type == Imf::HALF;
+    if (channel == channels.begin()) plane.bytes = channel.channel().type == Imf::UINT;
+    if (plane.bytes != (channel.channel().type == Imf::UINT)) {
+      return InvalidArgument("{}: part {} mixes UINT and other channels", reader.name(),
+                             plane.name);
+    }
   }
   const size_t texels = static_cast<size_t>(plane.width) * static_cast<size_t>(plane.height);
   MESORIG_RETURN_IF_ERROR(
-      CheckMemory(4.0 * static_cast<double>(texels) * static_cast<double>(plane.channels.size()),
+      CheckMemory((plane.bytes ? 20.0 : 4.0) * static_cast<double>(texels) *
+                      static_cast<double>(plane.channels.size()),
                   reader.name()));
+  if (plane.bytes) {
+    MESORIG_RETURN_IF_ERROR(ReadBytes(reader, part, plane));
+    return plane;
+  }
   plane.values.resize(texels * plane.channels.size());
   std::vector<Slice<float>> slices;
   for (size_t c = 0; c < plane.channels.size(); ++c) {

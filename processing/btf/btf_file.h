@@ -48,6 +48,9 @@ struct Plane {
   std::vector<std::string> channels;  // sorted by name when read
   bool half = true;                  // stored as half, else float
   std::vector<float> values;         // [channel][row][column]
+  // Stored as bytes instead: values are whole numbers in [-127, 127], four to a pixel of UINT
+  // channels along the row (attribute `byteWidth` of the part: the width before that).
+  bool bytes = false;
 };
 // Writes part 0 (attributes of `info`; `preview` is W*H*3 linear RGB, usually the decoded image of
 // PreviewPair) and the planes. NaN, infinities and halves that overflow are refused.

@@ -57,7 +57,9 @@ Status GuardedRead(const std::string& name, const Function& function) {
 size_t BytesPerSample(Imf::PixelType type) { return type == Imf::HALF ? 2 : 4; }
 
 template <typename T>
-constexpr Imf::PixelType kPixelType = std::is_same_v<T, float> ? Imf::FLOAT : Imf::HALF;
+constexpr Imf::PixelType kPixelType = std::is_same_v<T, float>      ? Imf::FLOAT
+                                      : std::is_same_v<T, uint32_t> ? Imf::UINT
+                                                                    : Imf::HALF;
 
 template <typename T>
 void Insert(Imf::FrameBuffer& buffer, const Slice<T>& slice) {
@@ -137,11 +139,12 @@ Status ExrReader::PartSize(int part, int& width, int& height) const {
   return OkStatus();
 }
 
-Status ExrReader::ReadPart(int part, const std::vector<Slice<float>>& slices) const {
+template <typename T>
+Status ExrReader::ReadSlices(int part, const std::vector<Slice<T>>& slices) const {
   int width = 0, height = 0;
   MESORIG_RETURN_IF_ERROR(PartSize(part, width, height));
   Imf::FrameBuffer buffer;
-  for (const Slice<float>& slice : slices) {
+  for (const Slice<T>& slice : slices) {
     if (header(part).channels().findChannel(slice.channel) == nullptr) {
       return InvalidArgument("{}: part {} `{}` lacks channel {}", name_, part,
                              OneLine(PartName(part)), slice.channel);
@@ -156,6 +159,13 @@ Status ExrReader::ReadPart(int part, const std::vector<Slice<float>>& slices) co
   });
 }
 
+Status ExrReader::ReadPart(int part, const std::vector<Slice<float>>& slices) const {
+  return ReadSlices(part, slices);
+}
+Status ExrReader::ReadPart(int part, const std::vector<Slice<uint32_t>>& slices) const {
+  return ReadSlices(part, slices);
+}
+
 namespace {
 
 Imf::Header FinishedHeader(const PartToWrite& part, int display_width, int display_height) {
@@ -166,7 +176,9 @@ Imf::Header FinishedHeader(const PartToWrite& part, int display_width, int displ
   h.setName(part.name);
   h.setType(Imf::SCANLINEIMAGE);
   for (const ChannelToWrite& channel : part.channels) {
-    h.channels().insert(channel.name, Imf::Channel(channel.half ? Imf::HALF : Imf::FLOAT));
+    h.channels().insert(channel.name, Imf::Channel(channel.bits   ? Imf::UINT
+                                                  : channel.half ? Imf::HALF
+                                                                 : Imf::FLOAT));
   }
   return h;
 }
@@ -196,9 +208,16 @@ Status WritePart(Imf::MultiPartOutputFile& file, size_t index, const PartToWrite
   std::vector<float> values;
   Imf::FrameBuffer buffer;
   for (size_t c = 0; c < part.channels.size(); ++c) {
-    const auto& [name, half] = part.channels[c];
+    const auto& [name, half, bits] = part.channels[c];
     values.assign(texels, 0.0f);
     fill(index, c, values);
+    if (bits) {
+      const auto* const first = reinterpret_cast<const char*>(values.data());
+      pixels[c].assign(first, first + texels * sizeof(uint32_t));
+      Insert(buffer, Slice<uint32_t>{name, reinterpret_cast<uint32_t*>(pixels[c].data()), 1,
+                                     part.width});
+      continue;
+    }
     MESORIG_RETURN_IF_ERROR(half ? Convert<Imath::half>(part, name, values, pixels[c], buffer)
                                  : Convert<float>(part, name, values, pixels[c], buffer));
   }

@@ -43,10 +43,15 @@ class ExrReader {
   Status PartSize(int part, int& width, int& height) const;
   // Converts to float. A channel that the part lacks is an error.
   Status ReadPart(int part, const std::vector<Slice<float>>& slices) const;
+  // Of UINT channels, without conversion.
+  Status ReadPart(int part, const std::vector<Slice<uint32_t>>& slices) const;
 
  private:
   std::string name_;
   uint64_t file_bytes_ = 0;
+  template <typename T>
+  Status ReadSlices(int part, const std::vector<Slice<T>>& slices) const;
+
   std::unique_ptr<Imf::MultiPartInputFile> file_;
 };
 
@@ -59,6 +64,7 @@ Status CheckMemory(double bytes, const std::string& file);
 struct ChannelToWrite {
   std::string name;
   bool half = true;  // else float
+  bool bits = false;  // UINT: what `fill` provides are bit patterns
 };
 struct PartToWrite {
   std::string name;

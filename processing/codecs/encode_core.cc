@@ -3,6 +3,26 @@
 #include "processing/codecs/encoder.h"
 
 namespace mesorig::codecs {
+namespace {
+
+Status CheckFinite(const btf::SampledBtf& btf) {
+  const btf::BtfHeader& h = btf.header();
+  for (int v = 0; v < h.view_count(); ++v) {
+    for (int l = 0; l < h.light_count(); ++l) {
+      if (!btf.Present(v, l)) continue;
+      const auto image = btf.Image(v, l);
+      for (size_t i = 0; i < image.size(); ++i) {
+        if (std::isfinite(image[i])) continue;
+        const auto width = static_cast<size_t>(h.width);
+        return InvalidArgument("view {}, light {}, texel ({}, {}), channel {} holds {}, which is not finite",
+                               v, l, i / 3 % width, i / 3 / width, "RGB"[i % 3], image[i]);
+      }
+    }
+  }
+  return OkStatus();
+}
+
+}  // namespace
 
 btf::BtfFileInfo InfoOf(const btf::SampledBtf& btf, std::string_view codec, int version) {
   btf::BtfFileInfo info;
@@ -18,19 +38,26 @@ btf::BtfFileInfo InfoOf(const btf::SampledBtf& btf, std::string_view codec, int 
   return info;
 }
 
-Status CheckEncodable(const btf::SampledBtf& btf) {
-  if (btf.present_count() == 0) return InvalidArgument("no (view, light) pair is present");
-  for (int v = 0; v < btf.header().view_count(); ++v) {
-    for (int l = 0; l < btf.header().light_count(); ++l) {
-      if (!btf.Present(v, l)) continue;
-      for (const float value : btf.Image(v, l)) {
-        if (!std::isfinite(value)) {
-          return InvalidArgument("view {}, light {} holds a value that is not finite", v, l);
-        }
-      }
-    }
+Status CheckEncodable(const btf::SampledBtf& btf, const EncodeOptions& options,
+                      const Encoder& encoder) {
+  const unsigned takes = encoder.options();
+  const auto refuse = [&](std::string_view option) {
+    return InvalidArgument("codec {} has no {}", encoder.name(), option);
+  };
+  if (options.clusters != 0 && (takes & kClusters) == 0) return refuse("clusters");
+  if (options.weighting == Weighting::kLog && (takes & kLogWeighting) == 0) {
+    return refuse("log weighting");
   }
-  return OkStatus();
+  if (options.weighting == Weighting::kRelative && (takes & kWeighting) == 0) {
+    return refuse("relative weighting");
+  }
+  if (options.solid_angle && (takes & kWeighting) == 0) return refuse("solid-angle weights");
+  if (options.quantisation && (takes & kQuantisation) == 0) return refuse("choice of quantisation");
+  if (!(options.floor >= 0 && options.floor <= 1e30)) {
+    return InvalidArgument("floor {}, permitted are 0 to 1e30", options.floor);
+  }
+  if (btf.present_count() == 0) return InvalidArgument("no (view, light) pair is present");
+  return CheckFinite(btf);
 }
 
 }  // namespace mesorig::codecs

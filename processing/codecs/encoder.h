@@ -6,22 +6,45 @@
 #include <vector>
 
 #include "processing/codecs/codec.h"
+#include "processing/codecs/linear/quantisation.h"
 
 namespace mesorig::codecs {
 
 inline constexpr int kAllTerms = -1;
 
+// What the error that a factorisation makes smallest is measured in (linear/README.md).
+enum class Weighting { kLinear, kLog, kRelative };
+
 struct EncodeOptions {
   int terms = 0;              // 0: the codec's default; kAllTerms: as many as there can be
   double regularisation = -1;  // < 0: the codec's default
+  int clusters = 0;           // 0: the codec's default
+  Weighting weighting = Weighting::kLinear;
+  double floor = 0;           // of log and relative, in the BTF's unit; 0: a hundredth of the RMS
+  bool solid_angle = false;   // pairs weigh by the solid angle of their directions
+  std::optional<Quantisation> quantisation;  // nothing: half; float for kAllTerms
+  int64_t block_bytes = int64_t{64} << 20;   // working memory of a factorisation, about
+};
+
+// The options that not every codec has; those of EncodeOptions before them are each codec's matter.
+enum OptionSet : unsigned {
+  kNoOptions = 0,
+  kClusters = 1,
+  kWeighting = 2,      // linear and relative, solid angle
+  kLogWeighting = 4,
+  kQuantisation = 8,
 };
 
 class Encoder {
  public:
   virtual ~Encoder() = default;
   virtual std::string_view name() const = 0;
-  // InvalidArgument for options out of range, a BTF without any present pair, or one that holds
-  // values that are not finite. Reentrant.
+  // What of EncodeOptions it takes beside terms and regularisation.
+  virtual unsigned options() const { return kNoOptions; }
+  // The largest number of terms for this BTF; 0 for a codec without terms.
+  virtual int max_terms(const btf::SampledBtf&) const { return 0; }
+  // InvalidArgument for options out of range or that it does not have, a BTF without any present
+  // pair, or one that holds values that are not finite. Reentrant.
   virtual StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
                                                        const EncodeOptions& options) const = 0;
 };
@@ -31,7 +54,9 @@ StatusOr<const Encoder*> FindEncoder(std::string_view name);
 
 // The file information of a BTF that codec `name` encodes; value_scale is 1.
 btf::BtfFileInfo InfoOf(const btf::SampledBtf& btf, std::string_view codec, int version);
-// What every Encode begins with: something is present, everything present is finite.
-Status CheckEncodable(const btf::SampledBtf& btf);
+// What every Encode begins with: something is present, everything present is finite (or the message
+// says where it is not), and nothing is asked for that `encoder` does not have.
+Status CheckEncodable(const btf::SampledBtf& btf, const EncodeOptions& options,
+                      const Encoder& encoder);
 
 }  // namespace mesorig::codecs

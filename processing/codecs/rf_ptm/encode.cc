@@ -79,7 +79,7 @@ class RfPtmEncoder final : public Encoder {
 
   StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
                                                const EncodeOptions& options) const override {
-    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf));
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
     if (options.terms != 0 && options.terms != kAllTerms) {
       return InvalidArgument("codec {} has six coefficients, not a choice of terms", kName);
     }

@@ -11,7 +11,7 @@ class MeanEncoder final : public Encoder {
   // Least squares: a = sum(f cos) / sum(cos^2) over the pairs that are present.
   StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
                                                const EncodeOptions& options) const override {
-    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf));
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
     if (options.terms != 0 && options.terms != kAllTerms) {
       return InvalidArgument("codec {} has one image, not a choice of terms", kName);
     }

@@ -113,10 +113,11 @@ void Balance(std::vector<float>& layers, size_t size, MatrixXd& e) {
 class ViewSvdEncoder final : public Encoder {
  public:
   std::string_view name() const override { return kName; }
+  int max_terms(const btf::SampledBtf& btf) const override { return btf.header().view_count(); }
 
   StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
                                                const EncodeOptions& options) const override {
-    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf));
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
     const int views = btf.header().view_count();
     const bool all = options.terms == kAllTerms;
     int terms = all ? views : options.terms;

@@ -1,0 +1,24 @@
+#pragma once
+// `mesorig-btf bench`: all codecs over their settings on one BTF.
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "protocol/base/status.h"
+
+namespace mesorig::processing {
+
+struct BenchCommand {
+  std::filesystem::path from;
+  std::vector<std::string> codecs;            // none: all
+  std::optional<std::filesystem::path> out;   // folder for bench.html, bench.json, plots, pictures
+  int most_terms = 64;
+  bool json = false;
+};
+// Prints a table, or one JSON object. InvalidArgument for a codec that there is not or one that cannot
+// encode this BTF at any setting, when it was asked for by name.
+Status Bench(const BenchCommand& command);
+
+}  // namespace mesorig::processing

@@ -1,0 +1,74 @@
+#include "processing/codecs/linear/linear_btf.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "protocol/base/check.h"
+
+namespace mesorig::codecs {
+namespace {
+
+// sum_j g_j h_j for three channels; four partial sums each, so that it vectorises.
+std::array<float, 3> Dot3(const float* g, const float* h, size_t stride) {
+  float sums[3][4] = {};
+  for (size_t k = 0; k < stride; k += 4) {
+    for (size_t c = 0; c < 3; ++c) {
+      for (size_t i = 0; i < 4; ++i) sums[c][i] += g[k + i] * h[c * stride + k + i];
+    }
+  }
+  std::array<float, 3> rgb;
+  for (size_t c = 0; c < 3; ++c) rgb[c] = (sums[c][0] + sums[c][1]) + (sums[c][2] + sums[c][3]);
+  return rgb;
+}
+
+// Beyond any value that was measured, and still finite: files may hold anything.
+constexpr float kLargestLog = 80;
+
+}  // namespace
+
+StatusOr<std::unique_ptr<EncodedBtf>> LinearBtf::Create(btf::BtfFileInfo info,
+                                                        LinearFactors factors) {
+  const LinearShape& shape = factors.shape;
+  const btf::BtfHeader& header = info.header;
+  const auto stride = static_cast<size_t>(shape.stride());
+  const auto bases = static_cast<size_t>(shape.bases(header));
+  MESORIG_CHECK(factors.g.size() ==
+                static_cast<size_t>(shape.families(header)) * header.texel_count() * stride);
+  MESORIG_CHECK(factors.h.size() == bases * shape.pairs(header) * 3 * stride);
+  MESORIG_CHECK(factors.scales.size() == bases * stride);
+  MESORIG_ASSIGN_OR_RETURN(btf::PairInterpolator interpolator,
+                           btf::PairInterpolator::Build(header, info.present));
+  return std::unique_ptr<EncodedBtf>(
+      new LinearBtf(std::move(info), std::move(factors), std::move(interpolator)));
+}
+
+std::array<float, 3> LinearBtf::Value(int view, int light, size_t texel) const {
+  std::array<float, 3> rgb = Dot3(Weights(view, texel), Vectors(view, light, texel),
+                                  static_cast<size_t>(factors_.shape.stride()));
+  if (factors_.log_floor > 0) {
+    for (float& x : rgb) x = std::exp(std::min(x, kLargestLog)) - factors_.log_floor;
+  }
+  return rgb;
+}
+
+void LinearBtf::DecodeImage(int view, int light, std::span<float> rgb) const {
+  for (size_t i = 0; i < info_.header.texel_count(); ++i) {
+    const auto value = Value(view, light, i);
+    std::copy(value.begin(), value.end(), rgb.begin() + static_cast<std::ptrdiff_t>(3 * i));
+  }
+}
+
+std::array<float, 3> LinearBtf::Evaluate(int x, int y, Vec3 v, Vec3 l) const {
+  const btf::PairWeights pairs = interpolator_.Lookup(v, l);
+  const size_t texel = static_cast<size_t>(y) * static_cast<size_t>(info_.header.width) +
+                       static_cast<size_t>(x);
+  std::array<float, 3> rgb{};
+  for (size_t n = 0; n < static_cast<size_t>(pairs.count); ++n) {
+    const auto value = Value(pairs.view[n], pairs.light[n], texel);
+    const float weight = pairs.scale * pairs.weight[n];
+    for (size_t c = 0; c < 3; ++c) rgb[c] += weight * value[c];
+  }
+  return rgb;
+}
+
+}  // namespace mesorig::codecs

@@ -1,0 +1,103 @@
+#include "processing/codecs/linear/sample_weights.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mesorig::codecs {
+namespace {
+
+constexpr int kPointsPerDirection = 64, kMaxPoints = 40000;
+constexpr double kLeastShare = 0.02;  // of the mean: no direction vanishes
+constexpr double kFloorOfRms = 0.01;
+
+// Mean squares of the BTF by texel and by (pair, channel), over what is present.
+struct Energies {
+  std::vector<double> texel, sample;
+  double mean = 0;
+};
+
+Energies EnergiesOf(const btf::SampledBtf& btf) {
+  const btf::BtfHeader& h = btf.header();
+  const size_t texels = h.texel_count();
+  Energies e{std::vector<double>(texels, 0.0),
+             std::vector<double>(3 * h.views.size() * h.lights.size(), 0.0)};
+  double values = 0;
+  for (int v = 0; v < h.view_count(); ++v) {
+    for (int l = 0; l < h.light_count(); ++l) {
+      if (!btf.Present(v, l)) continue;
+      const auto image = btf.Image(v, l);
+      double* const of_pair = e.sample.data() + 3 * btf.PairIndex(v, l);
+      for (size_t i = 0; i < image.size(); ++i) {
+        const double square = static_cast<double>(image[i]) * static_cast<double>(image[i]);
+        e.texel[i / 3] += square;
+        of_pair[i % 3] += square;
+      }
+      for (size_t c = 0; c < 3; ++c) e.mean += of_pair[c];
+      for (size_t c = 0; c < 3; ++c) of_pair[c] /= static_cast<double>(texels);
+      values += static_cast<double>(image.size());
+    }
+  }
+  e.mean /= std::max(values, 1.0);
+  for (double& x : e.texel) x *= static_cast<double>(texels) / std::max(values, 1.0);
+  return e;
+}
+
+}  // namespace
+
+std::vector<double> SolidAngleWeights(const std::vector<Vec3>& directions) {
+  const size_t n = directions.size();
+  std::vector<double> weights(n, 1.0);
+  if (n < 2) return weights;
+  double lowest = 1;
+  for (const Vec3& d : directions) lowest = std::min(lowest, Normalized(d).z);
+  const int points = std::min<int>(kMaxPoints, kPointsPerDirection * static_cast<int>(n));
+  std::fill(weights.begin(), weights.end(), 0.0);
+  for (int i = 0; i < points; ++i) {  // a spiral of points of equal area
+    const double z = 1 - (1 - lowest) * (i + 0.5) / points;
+    const double r = std::sqrt(std::max(0.0, 1 - z * z)), phi = i * kPi * (3 - std::sqrt(5.0));
+    const Vec3 p{r * std::cos(phi), r * std::sin(phi), z};
+    size_t nearest = 0;
+    double best = -2;
+    for (size_t k = 0; k < n; ++k) {
+      const double cosine = Dot(p, directions[k]);
+      if (cosine > best) best = cosine, nearest = k;
+    }
+    weights[nearest] += static_cast<double>(n) / points;
+  }
+  for (double& w : weights) w = std::max(w, kLeastShare);
+  return weights;
+}
+
+SampleWeights WeightsFor(const btf::SampledBtf& btf, const EncodeOptions& options) {
+  const btf::BtfHeader& h = btf.header();
+  SampleWeights w{std::vector<float>(h.texel_count(), 1.0f),
+                  std::vector<float>(3 * h.views.size() * h.lights.size(), 1.0f)};
+  if (options.weighting != Weighting::kLinear) {
+    const Energies e = EnergiesOf(btf);
+    w.floor = options.floor > 0 ? options.floor : kFloorOfRms * std::sqrt(e.mean);
+    if (w.floor <= 0) w.floor = 1;  // all is black
+    if (options.weighting == Weighting::kRelative) {
+      const double rms = std::sqrt(e.mean) + w.floor;
+      for (size_t i = 0; i < e.texel.size(); ++i) {
+        w.texel[i] = static_cast<float>(rms / (std::sqrt(e.texel[i]) + w.floor));
+      }
+      for (size_t i = 0; i < e.sample.size(); ++i) {
+        w.sample[i] = static_cast<float>(rms / (std::sqrt(e.sample[i]) + w.floor));
+      }
+    }
+  }
+  for (size_t i = 0; i < w.texel.size(); ++i) {
+    if (!h.InMask(i)) w.texel[i] *= kOutsideMask;
+  }
+  if (!options.solid_angle) return w;
+  const std::vector<double> views = SolidAngleWeights(h.views), lights = SolidAngleWeights(h.lights);
+  for (size_t v = 0; v < views.size(); ++v) {
+    for (size_t l = 0; l < lights.size(); ++l) {
+      const auto root = static_cast<float>(std::sqrt(views[v] * lights[l]));
+      for (size_t c = 0; c < 3; ++c) w.sample[3 * (v * lights.size() + l) + c] *= root;
+    }
+  }
+  return w;
+}
+
+}  // namespace mesorig::codecs

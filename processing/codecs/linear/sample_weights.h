@@ -1,0 +1,25 @@
+#pragma once
+// How much each sample of a BTF counts in a factorisation: a weight a texel times a weight a
+// (pair, channel), so that a weighted fit is a plain decomposition of the scaled matrix.
+
+#include <vector>
+
+#include "processing/codecs/encoder.h"
+
+namespace mesorig::codecs {
+
+// The share of the sphere's cap around +z, down to the lowest direction, that lies nearest to each
+// direction; their mean is 1. Directions that nearly coincide share what one of them would have.
+std::vector<double> SolidAngleWeights(const std::vector<Vec3>& directions);
+
+struct SampleWeights {
+  std::vector<float> texel;    // W*H; positive
+  std::vector<float> sample;   // pair * 3 + channel, pair = v * nL + l; positive
+  double floor = 0;            // of log and relative; 0 for linear
+};
+// What options.weighting and options.solid_angle ask for. Reads the BTF once or twice. Texels outside
+// the mask get kOutsideMask times their weight.
+inline constexpr float kOutsideMask = 1e-3f;
+SampleWeights WeightsFor(const btf::SampledBtf& btf, const EncodeOptions& options);
+
+}  // namespace mesorig::codecs

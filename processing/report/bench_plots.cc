@@ -1,0 +1,88 @@
+#include "processing/report/bench_plots.h"
+
+#include <cstdlib>
+#include <map>
+
+#include "processing/report/gnuplot.h"
+
+namespace mesorig::report {
+namespace {
+
+// Block 0 of the data is the front, each other one a series; a block's first line has its name.
+#define MESORIG_BENCH_PLOT(xlabel)                                                          \
+  "set encoding utf8\n"                                                                     \
+  "set terminal pngcairo size 1500,900 font 'sans,20' background rgb 'white' lw 2\n"        \
+  "set output 'plot.png'\nset border 3 lc rgb '#808080'\n"                                  \
+  "set tics nomirror tc rgb '#404040'\nset grid lc rgb '#e4e4e4' lt 1\n"                    \
+  "set key outside right top tc rgb '#404040' noenhanced samplen 2\n"                       \
+  "stats 'data.txt' using 2:3 nooutput\nn = int(STATS_blocks)\n"                            \
+  "array c[8] = [0x2f6db5,0xd9822b,0x3f9a52,0xb5433a,0x7a5bb0,0x8a6d3b,0x3f9d9d,0xc65f9b]\n" \
+  "set logscale xy 10\nset format y '%g'\nset xlabel '" xlabel "'\n"                        \
+  "set ylabel 'relative error'\nset offsets graph 0.04,graph 0.04,graph 0.05,graph 0.05\n"  \
+  "plot 'data.txt' index 0 using 2:3 with lines lc rgb '#d8d8d8' lw 6 "                     \
+  "title columnheader(1), for [i=1:n-1] '' index i using 2:3 with linespoints "             \
+  "pt 1+(i-1)%15 ps 1.3 lc rgb c[1+(i-1)%8] title columnheader(1), "                        \
+  "for [i=1:n-1] '' index i using 2:3:4 with labels font 'sans,13' offset 0.8,0.6 "         \
+  "tc rgb '#707070' noenhanced notitle\n"
+
+constexpr std::string_view kBytes = MESORIG_BENCH_PLOT("size, MB");
+constexpr std::string_view kEncode = MESORIG_BENCH_PLOT("encoding, s");
+constexpr std::string_view kAccess = MESORIG_BENCH_PLOT("random access, µs a sample");
+constexpr std::string_view kImages = MESORIG_BENCH_PLOT("whole images, µs a sample");
+constexpr std::string_view kTerms = MESORIG_BENCH_PLOT("terms");
+
+double CostOf(const BenchRow& row, const BenchPlot& plot) {
+  if (plot.x == nullptr) return std::atof(row.label.c_str());
+  const double x = row.*(plot.x);
+  if (!(x > 0)) return 0;
+  return plot.factor * (plot.inverse ? 1 / x : x);
+}
+
+std::string Line(std::string_view name, double x, double y, std::string_view label) {
+  return fmt::format("{} {} {} {}\n", DataText(name), x, y, DataText(label));
+}
+
+}  // namespace
+
+const std::vector<BenchPlot>& BenchPlots() {
+  static const std::vector<BenchPlot> plots = {
+      {"plot_bytes.png", "Error against size; terms beside the points.", kBytes, &BenchRow::bytes,
+       1e-6, false, true},
+      {"plot_encode.png", "Error against encoding time.", kEncode, &BenchRow::encode_s, 1, false,
+       true},
+      {"plot_access.png", "Error against the time of one sample at random, fully interpolated.",
+       kAccess, &BenchRow::access_samples_per_s, 1e6, true, true},
+      {"plot_images.png", "Error against the time of one sample in whole images.", kImages,
+       &BenchRow::image_samples_per_s, 1e6, true, true},
+      {"plot_terms.png", "Error against the number of terms.", kTerms, nullptr, 1, false, false},
+  };
+  return plots;
+}
+
+Status PlotBench(const BenchReport& report, const BenchPlot& plot,
+                 const std::filesystem::path& png) {
+  std::vector<std::string> names;  // in order of the rows
+  std::map<std::string, std::string> blocks;
+  std::vector<BenchRow> costed;  // with the cost in bytes: the front's rows
+  for (const BenchRow& row : report.rows) {
+    const double x = CostOf(row, plot);
+    if (!(x > 0) || !(row.rel_error > 0)) continue;
+    if (!blocks.contains(row.series)) {
+      names.push_back(row.series);
+      blocks[row.series] = Line(row.series, 1, 1, "");
+    }
+    blocks[row.series] += Line(row.series, x, row.rel_error, row.label);
+    costed.emplace_back();
+    costed.back().bytes = x;
+    costed.back().rel_error = row.rel_error;
+  }
+  if (costed.size() < 2) return NotFound("fewer than two rows have this figure");
+  std::string data = Line(plot.front ? "Pareto front" : "", 1, 1, "");
+  const std::vector<size_t> front = ParetoFront(costed, &BenchRow::bytes);
+  for (const size_t i : front) data += Line("", costed[i].bytes, costed[i].rel_error, "");
+  if (!plot.front) data = Line("", 1, 1, "") + Line("", costed[0].bytes, costed[0].rel_error, "");
+  for (const std::string& name : names) data += "\n\n" + blocks[name];
+  return Plot(plot.script, data, png);
+}
+
+}  // namespace mesorig::report
