@@ -24,6 +24,18 @@ Status CheckFinite(const btf::SampledBtf& btf) {
 
 }  // namespace
 
+std::string_view NameOf(Weighting weighting) {
+  switch (weighting) {
+    case Weighting::kLinear:
+      return "linear";
+    case Weighting::kLog:
+      return "log";
+    case Weighting::kRelative:
+      return "relative";
+  }
+  return "linear";
+}
+
 btf::BtfFileInfo InfoOf(const btf::SampledBtf& btf, std::string_view codec, int version) {
   btf::BtfFileInfo info;
   info.header = btf.header();

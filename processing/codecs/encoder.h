@@ -14,6 +14,7 @@ inline constexpr int kAllTerms = -1;
 
 // What the error that a factorisation makes smallest is measured in (linear/README.md).
 enum class Weighting { kLinear, kLog, kRelative };
+std::string_view NameOf(Weighting weighting);
 
 struct EncodeOptions {
   int terms = 0;              // 0: the codec's default; kAllTerms: as many as there can be

@@ -8,7 +8,8 @@
 namespace mesorig::codecs::algebra {
 namespace {
 
-constexpr double kDirectFlops = 3e8;     // min^2 * max: a tenth of a second
+constexpr double kDirectFlops = 2e7;     // min^2 * max: milliseconds
+constexpr int64_t kGramAlways = 512;     // cheaper than anything else, whatever the rank
 constexpr int64_t kGramSide = 2048;      // eigenvectors of more take seconds
 constexpr int64_t kGramPerTerm = 6;      // a Gram matrix costs what six vectors a term cost
 constexpr int64_t kTurnedBytes = int64_t{512} << 20;  // a matrix that is turned is held whole
@@ -284,7 +285,8 @@ SvdMethod Choose(const RowSource& source, const SvdOptions& options, int64_t ran
   if (a * a * b <= kDirectFlops) return SvdMethod::kDirect;
   const bool turned = source.rows() < source.cols();
   const bool fits = !turned || 4 * source.rows() * source.cols() <= kTurnedBytes;
-  if (small <= kGramSide && small <= kGramPerTerm * (rank + options.oversampling) && fits) {
+  const int64_t worth = std::max(kGramAlways, kGramPerTerm * (rank + options.oversampling));
+  if (small <= std::min(kGramSide, worth) && fits) {
     return SvdMethod::kGram;
   }
   return SvdMethod::kRandomised;

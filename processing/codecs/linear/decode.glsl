@@ -1,7 +1,7 @@
 // Decoder of codecs fmf and pvmf (see codecs/shader_form.h for what stands before it). Layers: the
 // weights g of three terms each, family * btf_columns + stack. Table: lights, 1 for a basis a view;
 // then h[(view * lights + light) * 3 + channel], three terms a stack.
-// Müller et al. 2004, Eqs. 11 and 12: sum over terms of g_j(x) h_j(v, l).
+// Mueller et al. 2004, Eqs. 11 and 12: sum over terms of g_j(x) h_j(v, l).
 
 vec3 DecodeBtf(vec2 uv, float level, ivec3 v, ivec3 l, mat3 pairs) {
   int lights = int(texelFetch(btf_table, 0).r);

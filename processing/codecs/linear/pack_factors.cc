@@ -7,18 +7,6 @@
 namespace mesorig::codecs {
 namespace {
 
-std::string_view NameOf(Weighting weighting) {
-  switch (weighting) {
-    case Weighting::kLinear:
-      return "linear";
-    case Weighting::kLog:
-      return "log";
-    case Weighting::kRelative:
-      return "relative";
-  }
-  return "linear";
-}
-
 // Which basis the weights of (family, texel) belong to.
 size_t BasisOf(const LinearFactors& factors, size_t family, size_t texel) {
   if (factors.shape.per_view) return family;

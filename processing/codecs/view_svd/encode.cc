@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "processing/codecs/encoder.h"
+#include "processing/codecs/linear/sample_weights.h"
 #include "processing/codecs/view_svd/factorise.h"
 #include "processing/codecs/view_svd/view_svd.h"
 
@@ -16,13 +17,53 @@ using Eigen::MatrixXf;
 constexpr Eigen::Index kBlock = 2048;  // rows at a time: fits the cache for a hundred views
 constexpr double kMaxGramBytes = 4e9;
 
-// The images of `views` under `light`, rows [first, first + rows), as columns.
-MatrixXf Block(const btf::SampledBtf& btf, const std::vector<int>& views, int light,
-               Eigen::Index first, Eigen::Index rows) {
+// A weight a row (texel, light) times a weight a column (view): what a plain decomposition can take.
+struct Weights {
+  std::vector<float> view, light, texel;
+  bool plain = true;  // all are 1
+};
+
+// The product that comes nearest to linear/sample_weights.h, whose weights are a (pair, channel)'s:
+// exact for solid angles.
+Weights SeparateWeights(const btf::SampledBtf& btf, const EncodeOptions& options) {
+  const size_t views = btf.header().views.size(), lights = btf.header().lights.size();
+  Weights w{std::vector<float>(views, 1.0f), std::vector<float>(lights, 1.0f), {}};
+  SampleWeights samples = WeightsFor(btf, options);
+  w.texel = std::move(samples.texel);
+  w.plain = options.weighting == Weighting::kLinear && !options.solid_angle &&
+            btf.header().mask.empty();
+  const auto fit = [&](std::vector<float>& to, size_t v_step, size_t l_step) {
+    std::vector<double> sums(to.size(), 0.0), counts(to.size(), 0.0);
+    for (size_t v = 0; v < views; ++v) {
+      for (size_t l = 0; l < lights; ++l) {
+        const size_t at = v * v_step + l * l_step;
+        for (size_t c = 0; c < 3; ++c) {
+          const double rest = samples.sample[3 * (v * lights + l) + c] / (w.view[v] * w.light[l]);
+          sums[at] += 1 / (rest * rest);
+          counts[at] += 1;
+        }
+      }
+    }
+    for (size_t i = 0; i < to.size(); ++i) to[i] = static_cast<float>(std::sqrt(counts[i] / sums[i]));
+  };
+  fit(w.view, 1, 0);
+  fit(w.light, 0, 1);
+  return w;
+}
+
+// The images of `views` under `light`, rows [first, first + rows), as columns, weighted.
+MatrixXf Block(const btf::SampledBtf& btf, const Weights& weights, const std::vector<int>& views,
+               int light, Eigen::Index first, Eigen::Index rows) {
   MatrixXf block(rows, static_cast<Eigen::Index>(views.size()));
   for (size_t i = 0; i < views.size(); ++i) {
-    block.col(static_cast<Eigen::Index>(i)) =
-        Eigen::Map<const Eigen::VectorXf>(btf.Image(views[i], light).data() + first, rows);
+    auto column = block.col(static_cast<Eigen::Index>(i));
+    column = Eigen::Map<const Eigen::VectorXf>(btf.Image(views[i], light).data() + first, rows);
+    if (weights.plain) continue;
+    const float factor = weights.view[static_cast<size_t>(views[i])] *
+                         weights.light[static_cast<size_t>(light)];
+    for (Eigen::Index r = 0; r < rows; ++r) {
+      column[r] *= factor * weights.texel[static_cast<size_t>(first + r) / 3];
+    }
   }
   return block;
 }
@@ -35,7 +76,7 @@ void ForBlocks(const btf::SampledBtf& btf, const Function& function) {
   }
 }
 
-StatusOr<std::vector<LightGroup>> Groups(const btf::SampledBtf& btf) {
+StatusOr<std::vector<LightGroup>> Groups(const btf::SampledBtf& btf, const Weights& weights) {
   std::map<std::vector<int>, std::vector<int>> lights_of;
   for (int l = 0; l < btf.header().light_count(); ++l) {
     std::vector<int> views;
@@ -58,7 +99,7 @@ StatusOr<std::vector<LightGroup>> Groups(const btf::SampledBtf& btf) {
     MatrixXd gram = MatrixXd::Zero(n, n);
     for (const int l : lights) {
       ForBlocks(btf, [&](Eigen::Index first, Eigen::Index rows) {
-        const MatrixXd block = Block(btf, views, l, first, rows).cast<double>();
+        const MatrixXd block = Block(btf, weights, views, l, first, rows).cast<double>();
         gram.selfadjointView<Eigen::Lower>().rankUpdate(block.transpose());
       });
     }
@@ -68,9 +109,9 @@ StatusOr<std::vector<LightGroup>> Groups(const btf::SampledBtf& btf) {
   return groups;
 }
 
-// G_l = M_l A_l into layers light * terms + term.
-std::vector<float> EigenTextures(const btf::SampledBtf& btf, const std::vector<LightGroup>& groups,
-                                 const MatrixXd& e) {
+// G_l = M_l A_l into layers light * terms + term, freed from the weights of its rows.
+std::vector<float> EigenTextures(const btf::SampledBtf& btf, const Weights& weights,
+                                 const std::vector<LightGroup>& groups, const MatrixXd& e) {
   const size_t terms = static_cast<size_t>(e.cols()), size = btf.image_size();
   std::vector<float> layers(btf.header().lights.size() * terms * size, 0.0f);
   for (const LightGroup& group : groups) {
@@ -81,7 +122,11 @@ std::vector<float> EigenTextures(const btf::SampledBtf& btf, const std::vector<L
         Eigen::Map<MatrixXf, 0, Eigen::OuterStride<>> out(
             first_layer + first, rows, e.cols(),
             Eigen::OuterStride<>(static_cast<Eigen::Index>(size)));
-        out.noalias() = Block(btf, group.views, l, first, rows) * a;
+        out.noalias() = Block(btf, weights, group.views, l, first, rows) * a;
+        for (Eigen::Index r = 0; !weights.plain && r < rows; ++r) {
+          out.row(r) /= weights.light[static_cast<size_t>(l)] *
+                        weights.texel[static_cast<size_t>(first + r) / 3];
+        }
       });
     }
   }
@@ -113,6 +158,7 @@ void Balance(std::vector<float>& layers, size_t size, MatrixXd& e) {
 class ViewSvdEncoder final : public Encoder {
  public:
   std::string_view name() const override { return kName; }
+  unsigned options() const override { return kWeighting | kQuantisation; }
   int max_terms(const btf::SampledBtf& btf) const override { return btf.header().view_count(); }
 
   StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
@@ -125,19 +171,28 @@ class ViewSvdEncoder final : public Encoder {
     if (terms < 1 || terms > views) {
       return InvalidArgument("{} terms, permitted are 1 to {} (views) or all", terms, views);
     }
-    MESORIG_ASSIGN_OR_RETURN(const std::vector<LightGroup> groups, Groups(btf));
+    const Weights separate = SeparateWeights(btf, options);
+    MESORIG_ASSIGN_OR_RETURN(const std::vector<LightGroup> groups, Groups(btf, separate));
     MatrixXd e = Factorise(groups, views, terms);
-    std::vector<float> layers = EigenTextures(btf, groups, e);
+    std::vector<float> layers = EigenTextures(btf, separate, groups, e);
+    for (Eigen::Index v = 0; v < e.rows(); ++v) e.row(v) /= separate.view[static_cast<size_t>(v)];
     Balance(layers, btf.image_size(), e);
-    if (!all) btf::RoundToHalf(layers);
+    const Quantisation quantisation =
+        options.quantisation.value_or(all ? Quantisation::kFloat : Quantisation::kHalf);
+    RoundTo(quantisation, layers);
     std::vector<float> weights;
     for (Eigen::Index v = 0; v < e.rows(); ++v) {
       for (Eigen::Index k = 0; k < e.cols(); ++k) weights.push_back(static_cast<float>(e(v, k)));
     }
-    btf::BtfFileInfo info = InfoOf(btf, kName, kVersion);
-    info.codec_options_json = nlohmann::json{{"terms", terms}, {"half", !all}}.dump();
+    btf::BtfFileInfo info =
+        InfoOf(btf, kName, quantisation == Quantisation::kByte ? kVersion : 1);
+    info.codec_options_json = nlohmann::json{{"terms", terms},
+                                            {"weighting", NameOf(options.weighting)},
+                                            {"solid_angle", options.solid_angle},
+                                            {"quantisation", NameOf(quantisation)}}
+                                 .dump();
     MESORIG_ASSIGN_OR_RETURN(auto encoded,
-                             ViewSvdBtf::Create(std::move(info), terms, !all, std::move(weights),
+                             ViewSvdBtf::Create(std::move(info), terms, quantisation, std::move(weights),
                                                 std::move(layers)));
     return std::unique_ptr<EncodedBtf>(std::move(encoded));
   }

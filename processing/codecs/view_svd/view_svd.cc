@@ -19,11 +19,12 @@ std::vector<std::string> LightChannels(int lights) {
 }  // namespace
 
 StatusOr<std::unique_ptr<ViewSvdBtf>> ViewSvdBtf::Create(btf::BtfFileInfo info, int terms,
-                                                         bool half, std::vector<float> weights,
+                                                         Quantisation quantisation,
+                                                         std::vector<float> weights,
                                                          std::vector<float> eigen_textures) {
   MESORIG_ASSIGN_OR_RETURN(btf::PairInterpolator interpolator,
                            btf::PairInterpolator::Build(info.header, info.present));
-  return std::unique_ptr<ViewSvdBtf>(new ViewSvdBtf(std::move(info), terms, half,
+  return std::unique_ptr<ViewSvdBtf>(new ViewSvdBtf(std::move(info), terms, quantisation,
                                                     std::move(weights), std::move(eigen_textures),
                                                     std::move(interpolator)));
 }
@@ -58,14 +59,15 @@ std::vector<btf::Plane> ViewSvdBtf::Planes() const {
   std::vector<btf::Plane> planes;
   planes.push_back({"E", terms_, h.view_count(), {"E"}, false, weights_});
   for (int k = 0; k < terms_; ++k) {
-    btf::Plane plane{TermPart(k), h.width, h.height, LightChannels(h.light_count()), half_, {}};
+    std::vector<float> values;
     for (int l = 0; l < h.light_count(); ++l) {
       const auto texture = EigenTexture(l, k);
       for (size_t c = 3; c-- > 0;) {
-        for (size_t i = c; i < texture.size(); i += 3) plane.values.push_back(texture[i]);
+        for (size_t i = c; i < texture.size(); i += 3) values.push_back(texture[i]);
       }
     }
-    planes.push_back(std::move(plane));
+    planes.push_back(QuantisedPlane(TermPart(k), h.width, h.height, LightChannels(h.light_count()),
+                                    quantisation_, std::move(values)));
   }
   return planes;
 }
@@ -99,24 +101,25 @@ class ViewSvdDecoder final : public Decoder {
     MESORIG_ASSIGN_OR_RETURN(btf::Plane e, TakePlane(file, "E", terms, h.view_count(), {"E"}));
     const size_t texels = h.texel_count(), layers = static_cast<size_t>(terms) * h.lights.size();
     std::vector<float> eigen_textures;
-    bool half = true;
+    Quantisation quantisation = Quantisation::kHalf;
     const std::vector<std::string> channels = LightChannels(h.light_count());
     for (int k = 0; k < terms; ++k) {
-      MESORIG_ASSIGN_OR_RETURN(const btf::Plane plane,
+      MESORIG_ASSIGN_OR_RETURN(btf::Plane plane,
                                TakePlane(file, TermPart(k), h.width, h.height, channels));
       eigen_textures.resize(layers * texels * 3);  // only now: the first plane proves the size
-      half = half && plane.half;
+      MESORIG_ASSIGN_OR_RETURN(const std::vector<float> values,
+                               Dequantised(std::move(plane), quantisation));
       for (size_t l = 0; l < h.lights.size(); ++l) {
         float* const layer = eigen_textures.data() +
                              (l * static_cast<size_t>(terms) + static_cast<size_t>(k)) * texels * 3;
         for (size_t c = 0; c < 3; ++c) {
-          const float* const from = plane.values.data() + (3 * l + 2 - c) * texels;
+          const float* const from = values.data() + (3 * l + 2 - c) * texels;
           for (size_t i = 0; i < texels; ++i) layer[3 * i + c] = from[i];
         }
       }
     }
     MESORIG_ASSIGN_OR_RETURN(auto encoded,
-                             ViewSvdBtf::Create(std::move(file.info), terms, half,
+                             ViewSvdBtf::Create(std::move(file.info), terms, quantisation,
                                                 std::move(e.values), std::move(eigen_textures)));
     return std::unique_ptr<EncodedBtf>(std::move(encoded));
   }

@@ -10,18 +10,22 @@
 
 #include "processing/btf/pair_weights.h"
 #include "processing/codecs/codec.h"
+#include "processing/codecs/linear/quantisation.h"
 
 namespace mesorig::codecs::view_svd {
 
-inline constexpr int kVersion = 1, kDefaultTerms = 4;
+// Version 2 may hold bytes, and is written only where it does.
+inline constexpr int kVersion = 2, kDefaultTerms = 4;
 inline constexpr char kName[] = "view-svd";
 
 class ViewSvdBtf final : public EncodedBtf {
  public:
-  // eigen_textures: layer light * terms + term, W*H*3 values each; weights: view * terms + term.
+  // eigen_textures: layer light * terms + term, W*H*3 values each, in [-1, 1] where they are stored
+  // as bytes; weights: view * terms + term.
   // Sizes must match; InvalidArgument for a header that is wrong.
   static StatusOr<std::unique_ptr<ViewSvdBtf>> Create(btf::BtfFileInfo info, int terms,
-                                                      bool half, std::vector<float> weights,
+                                                      Quantisation quantisation,
+                                                      std::vector<float> weights,
                                                       std::vector<float> eigen_textures);
 
   const btf::BtfFileInfo& info() const override { return info_; }
@@ -46,14 +50,14 @@ class ViewSvdBtf final : public EncodedBtf {
   const btf::PairInterpolator& interpolator() const { return interpolator_; }
 
  private:
-  ViewSvdBtf(btf::BtfFileInfo info, int terms, bool half, std::vector<float> weights,
+  ViewSvdBtf(btf::BtfFileInfo info, int terms, Quantisation quantisation, std::vector<float> weights,
              std::vector<float> eigen_textures, btf::PairInterpolator interpolator)
-      : info_(std::move(info)), terms_(terms), half_(half), weights_(std::move(weights)),
+      : info_(std::move(info)), terms_(terms), quantisation_(quantisation), weights_(std::move(weights)),
         eigen_textures_(std::move(eigen_textures)), interpolator_(std::move(interpolator)) {}
 
   btf::BtfFileInfo info_;
   int terms_;
-  bool half_;  // eigen-textures are stored as half
+  Quantisation quantisation_;  // of the eigen-textures
   std::vector<float> weights_, eigen_textures_;
   btf::PairInterpolator interpolator_;
 };

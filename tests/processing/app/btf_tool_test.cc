@@ -68,6 +68,46 @@ TEST_F(BtfTool, InfoOfAnMdf) {
   EXPECT_EQ(json["views"].size(), 13u);
 }
 
+TEST_F(BtfTool, CompressToATarget) {
+  const Output error = Tool("compress --json --codec fmf --target-error 0.05 " + Path("a.btf.exr") +
+                            " --out " + Path("b.btf.exr"));
+  ASSERT_EQ(error.exit, 0) << error.text;
+  const auto a = nlohmann::json::parse(error.text);
+  EXPECT_LE(a["rel_error"], 0.05);
+  EXPECT_TRUE(a.contains("clamped_mass"));
+  const Output bytes = Tool("compress --json --codec fmf --quantise 8bit --target-bytes 20000 " +
+                            Path("a.btf.exr") + " --out " + Path("b.btf.exr"));
+  ASSERT_EQ(bytes.exit, 0) << bytes.text;
+  EXPECT_LE(nlohmann::json::parse(bytes.text)["bytes"], 20000);
+  const Output both = Tool("compress --codec fmf --target-bytes 20000 --target-error 0.1 " +
+                           Path("a.btf.exr") + " --out " + Path("b.btf.exr"));
+  EXPECT_EQ(both.exit, 2) << both.text;
+  const Output none = Tool("compress --codec mean --target-error 0.1 " + Path("a.btf.exr") +
+                           " --out " + Path("b.btf.exr"));
+  EXPECT_EQ(none.exit, 2) << none.text;
+}
+
+TEST_F(BtfTool, Bench) {
+  const Output output = Tool("bench --json --codecs mean,fmf,pcmf --most-terms 4 --out " +
+                             Path("bench") + " " + Path("a.btf.exr"));
+  ASSERT_EQ(output.exit, 0) << output.text;
+  const auto json = nlohmann::json::parse(output.text);
+  ASSERT_EQ(json["rows"].size(), 1u + 6 + 6);
+  for (const auto& row : json["rows"]) {
+    for (const char* key : {"rel_error", "psnr_db", "p99_abs", "bytes", "ratio", "encode_s",
+                            "image_samples_per_s", "access_samples_per_s"}) {
+      EXPECT_GT(row[key], 0) << key << row;
+    }
+    EXPECT_FALSE(row["by_view_theta"].empty());
+    EXPECT_TRUE(std::filesystem::exists(folder_ / "bench" / row["picture"].get<std::string>()));
+  }
+  EXPECT_FALSE(json["pareto_bytes"].empty());
+  EXPECT_FALSE(json["recommendation"].empty());
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "bench" / "bench.html"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "bench" / "bench.json"));
+  EXPECT_EQ(Tool("bench --codecs nonsense " + Path("a.btf.exr")).exit, 2);
+}
+
 TEST_F(BtfTool, CompressThenCompareSaysTheSame) {
   const Output compress = Tool("compress --json --codec view-svd --terms 8 " + Path("a.btf.exr") +
                               " --out " + Path("b.btf.exr"));

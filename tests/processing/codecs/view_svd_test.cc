@@ -137,6 +137,47 @@ TEST(ViewSvd, OneViewIsItself) {
   EXPECT_LT(RelError(btf, 0), 1e-3);
 }
 
+TEST(ViewSvd, BytesCostLittle) {
+  btf::TemporaryFolder folder;
+  const btf::SampledBtf btf = SyntheticBtf(Header());
+  EncodeOptions options;
+  options.quantisation = Quantisation::kByte;
+  const auto encoded = (*FindEncoder(kName))->Encode(btf, options);
+  ASSERT_TRUE(encoded.ok()) << encoded.status();
+  EXPECT_LT(btf::CompareBtf(DecodeAll(**encoded), btf)->rel_error, RelError(btf, 0) + 0.01);
+  ASSERT_TRUE(WriteEncodedBtf(**encoded, folder / "c").ok());
+  const auto read = ReadEncodedBtf(folder / "c");
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ((*read)->info().codec_version, 2);
+  EXPECT_EQ(btf::CompareBtf(DecodeAll(**read), DecodeAll(**encoded))->max_abs, 0);
+}
+
+// With all terms any weighting reproduces the input; with few, the views that it favours gain.
+TEST(ViewSvd, WeightsMoveTheErrorAndLoseNothing) {
+  btf::SampledBtf btf = SyntheticBtf(Header());
+  for (int l = 0; l < btf.header().light_count(); ++l) {
+    for (float& x : btf.MutableImage(5, l)) x *= 1e-3f;
+  }
+  const auto of_dark = [&](Weighting weighting, int terms) {
+    EncodeOptions options;
+    options.terms = terms;
+    options.weighting = weighting;
+    options.solid_angle = weighting == Weighting::kRelative;
+    options.floor = 1e-4;
+    options.quantisation = Quantisation::kFloat;
+    const auto encoded = (*FindEncoder(kName))->Encode(btf, options);
+    EXPECT_TRUE(encoded.ok()) << encoded.status();
+    const btf::SampledBtf decoded = DecodeAll(**encoded);
+    double error = 0;
+    for (size_t i = 0; i < btf.image_size(); ++i) {
+      error += std::pow((decoded.Image(5, 3)[i] - btf.Image(5, 3)[i]) * 1e3, 2);
+    }
+    return error;
+  };
+  EXPECT_LT(of_dark(Weighting::kRelative, 3), 0.5 * of_dark(Weighting::kLinear, 3));
+  EXPECT_LT(of_dark(Weighting::kRelative, kAllTerms), 1e-4);
+}
+
 // What a shader gets gives what DecodeImage gives.
 TEST(ViewSvd, ShaderForm) {
   const btf::SampledBtf btf = SyntheticBtf(Header(), 0.1);

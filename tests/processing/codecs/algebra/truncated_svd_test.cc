@@ -219,7 +219,7 @@ class Watched final : public RowSource {
 TEST(TruncatedSvd, ReadsBlocksNeverTheWhole) {
   const MatrixF a = WithSpectrum(3000, 500, [](int64_t k) { return std::pow(0.8, k); });
   const Watched source(a);
-  SvdOptions options = Options(8);
+  SvdOptions options = Options(8, SvdMethod::kRandomised);
   options.block_bytes = 100 * 500 * 4;
   const auto svd = DecomposeTruncated(source, options);
   ASSERT_TRUE(svd.ok()) << svd.status();
