@@ -18,7 +18,7 @@ namespace {
   "stats 'data.txt' using 2:3 nooutput\nn = int(STATS_blocks)\n"                            \
   "array c[8] = [0x2f6db5,0xd9822b,0x3f9a52,0xb5433a,0x7a5bb0,0x8a6d3b,0x3f9d9d,0xc65f9b]\n" \
   "set logscale xy 10\nset format y '%g'\nset xlabel '" xlabel "'\n"                        \
-  "set ylabel 'relative error'\nset offsets graph 0.04,graph 0.04,graph 0.05,graph 0.05\n"  \
+  "set ylabel 'relative error'\nset autoscale xfix\nset autoscale yfix\nset offsets graph 0.04,graph 0.04,graph 0.05,graph 0.05\n"  \
   "plot 'data.txt' index 0 using 2:3 with lines lc rgb '#d8d8d8' lw 6 "                     \
   "title columnheader(1), for [i=1:n-1] '' index i using 2:3 with linespoints "             \
   "pt 1+(i-1)%15 ps 1.3 lc rgb c[1+(i-1)%8] title columnheader(1), "                        \
