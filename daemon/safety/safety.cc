@@ -79,7 +79,8 @@ Safety::Safety(RigClock& clock, const Rig& rig, SafetyDevices devices, StopFlag&
   });
   seen_.has_power_line = rig.lines.power >= 0;
   // What an earlier daemon left on has its own time to go off.
-  dark_at_ = clock.Now() + FromSeconds(kLightStuck_s + 2 * MaxSettle_s(rig));
+  alive_until_ = clock.Now();
+  dark_at_ = alive_until_ + FromSeconds(kLightStuck_s + 2 * MaxSettle_s(rig));
   for (size_t i = 0; i < devices_.axes.size(); ++i) {
     axis_guards_.push_back(std::make_unique<AxisGuard>(*this, *devices_.axes[i], i));
     guarded_axes_.push_back(axis_guards_.back().get());

@@ -36,15 +36,18 @@ Status MarkReleased(const SessionFolder& folder, std::string_view session_id, ui
   return WriteFileAtomically(folder.release_mark(sweep), MarkText(session_id, sweep));
 }
 
+bool IsMarkedReleased(const SessionFolder& folder, std::string_view session_id, uint32_t sweep) {
+  const auto text = ReadFile(folder.release_mark(sweep), kMaxMark);
+  return text.ok() && *text == MarkText(session_id, sweep);
+}
+
 std::set<uint32_t> FindReleased(const SessionFolder& folder, std::string_view session_id) {
   std::set<uint32_t> released;
   std::error_code error;
   for (std::filesystem::directory_iterator at(folder.sweeps(), error), end; !error && at != end;
        at.increment(error)) {
     const auto sweep = SweepOfMark(folder, at->path().filename().string());
-    if (!sweep) continue;
-    const auto text = ReadFile(at->path(), kMaxMark);
-    if (text.ok() && *text == MarkText(session_id, *sweep)) released.insert(*sweep);
+    if (sweep && IsMarkedReleased(folder, session_id, *sweep)) released.insert(*sweep);
   }
   return released;
 }

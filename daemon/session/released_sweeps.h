@@ -17,8 +17,10 @@ namespace mesorig::daemon {
 // Durable when it returns.
 Status MarkReleased(const SessionFolder& folder, std::string_view session_id, uint32_t sweep);
 
-// The sweeps that have a mark. One that is not byte for byte as MarkReleased writes it counts for
+// Whether the sweep has a mark. One that is not byte for byte as MarkReleased writes it counts for
 // nothing: the frames are then read, or lost.
+bool IsMarkedReleased(const SessionFolder& folder, std::string_view session_id, uint32_t sweep);
+// The sweeps that have one.
 std::set<uint32_t> FindReleased(const SessionFolder& folder, std::string_view session_id);
 
 // Removes the sweep's segments of these cameras; returns the bytes of those that were there.

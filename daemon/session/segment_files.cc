@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "daemon/session/released_sweeps.h"
+
 namespace mesorig::daemon {
 
 StatusOr<SegmentWriters> SegmentWriters::Open(const SessionFolder& folder,
@@ -65,12 +67,12 @@ void SegmentWriters::Rewind() {
   for (auto& [key, file] : files_) file.writer.Rewind(ends_[key]);
 }
 
-SegmentReaders::SegmentReaders(const SessionFolder& folder, std::vector<std::string> cameras,
-                               std::set<uint32_t> released)
-    : folder_(folder), cameras_(std::move(cameras)) {
+SegmentReaders::SegmentReaders(const SessionFolder& folder, std::string session_id,
+                               std::vector<std::string> cameras)
+    : folder_(folder), session_id_(std::move(session_id)), cameras_(std::move(cameras)) {
   OpenMain();
   MutexLock lock(mutex_);
-  for (const uint32_t sweep : released) released_.insert(sweep + 1);
+  for (const uint32_t sweep : FindReleased(folder_, session_id_)) released_.insert(sweep + 1);
 }
 
 void SegmentReaders::OpenMain() {
@@ -87,12 +89,24 @@ void SegmentReaders::OpenMain() {
 
 void SegmentReaders::Release(uint32_t sweep) {
   MutexLock lock(mutex_);
-  released_.insert(sweep + 1);
-  open_.remove_if([&](const OpenSegment& open) { return open.segment == sweep + 1; });
+  ReleaseLocked(sweep + 1);
 }
 
-bool SegmentReaders::IsReleased(uint32_t segment) const {
+void SegmentReaders::ReleaseLocked(uint32_t segment) {
+  released_.insert(segment);
+  open_.remove_if([&](const OpenSegment& open) { return open.segment == segment; });
+}
+
+bool SegmentReaders::IsReleased(uint32_t segment) {
   MutexLock lock(mutex_);
+  return IsReleasedLocked(segment);
+}
+
+bool SegmentReaders::IsReleasedLocked(uint32_t segment) {
+  if (segment == 0) return false;
+  if (!released_.contains(segment) && IsMarkedReleased(folder_, session_id_, segment - 1)) {
+    ReleaseLocked(segment);
+  }
   return released_.contains(segment);
 }
 
@@ -136,7 +150,10 @@ StatusOr<SegmentReaders::Reader> SegmentReaders::Get(const FrameRecord& record) 
     return open_.front().reader;
   }
   auto opened = SegmentReader::Open(folder_.segment(cameras_[camera], record.segment));
-  if (!opened.ok()) return Lost(record, opened.status());
+  if (!opened.ok()) {
+    if (IsReleasedLocked(record.segment)) return Reader();
+    return Lost(record, opened.status());
+  }
   open_.push_front(
       {record.camera, record.segment, std::make_shared<const SegmentReader>(*std::move(opened))});
   if (open_.size() > kMaxOpenSweepSegments) open_.pop_back();

@@ -75,17 +75,19 @@ class SegmentReaders {
  public:
   static constexpr size_t kMaxOpenSweepSegments = 16;
 
-  // Opens the main segments: a lost one costs its frames. `released`: numbers of sweeps.
-  SegmentReaders(const SessionFolder& folder, std::vector<std::string> cameras,
-                 std::set<uint32_t> released);
+  // Opens the main segments: a lost one costs its frames. Which sweeps are released, the marks in
+  // the folder tell, also those that come later: somebody who opened the session before it was
+  // resumed may release beside its writer.
+  SegmentReaders(const SessionFolder& folder, std::string session_id,
+                 std::vector<std::string> cameras);
   // Again, when a writer may have made one that was lost. Before anybody else reads.
   void OpenMain();
   // Null for a frame of a released sweep. DataLoss names file and frame; Unavailable.
   StatusOr<std::shared_ptr<const std::string>> Read(const FrameRecord& record) EXCLUDES(mutex_);
   // From now on its frames are released, and none of its files is held open here.
   void Release(uint32_t sweep) EXCLUDES(mutex_);
-  bool IsReleased(uint32_t segment) const EXCLUDES(mutex_);
-  // Numbers of sweeps.
+  bool IsReleased(uint32_t segment) EXCLUDES(mutex_);
+  // Numbers of sweeps, as far as known.
   std::set<uint32_t> Released() const EXCLUDES(mutex_);
 
  private:
@@ -97,9 +99,12 @@ class SegmentReaders {
   };
   // Null for a released sweep.
   StatusOr<Reader> Get(const FrameRecord& record) EXCLUDES(mutex_);
+  void ReleaseLocked(uint32_t segment) REQUIRES(mutex_);
+  bool IsReleasedLocked(uint32_t segment) REQUIRES(mutex_);
   Status Lost(const FrameRecord& record, const Status& status) const;
 
   const SessionFolder folder_;
+  const std::string session_id_;
   const std::vector<std::string> cameras_;  // names
   std::vector<StatusOr<Reader>> main_;      // one a camera
   mutable Mutex mutex_;

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "daemon/session/reconcile.h"
-#include "daemon/session/released_sweeps.h"
 
 namespace mesorig::daemon {
 namespace {
@@ -33,7 +32,7 @@ StoredSession::StoredSession(SessionFolder folder, Rig rig, std::string plan_bin
       next_sequence_(rig_.cameras.size(), 1),
       durable_(rig_.cameras.size(), 0),
       latest_(rig_.cameras.size()),
-      segments_(folder_, CameraNames(rig_), FindReleased(folder_, id_)) {}
+      segments_(folder_, id_, CameraNames(rig_)) {}
 
 Status StoredSession::OpenForReading(DiskFaults* faults) {
   faults_ = faults;
@@ -181,7 +180,7 @@ std::vector<int> StoredSession::Missing(uint32_t shot) const {
   return live_frames_.Missing(shot);
 }
 
-Status StoredSession::CheckAgain(const CompiledPlan& plan, const ShotSelection& again) const {
+Status StoredSession::CheckAgain(const CompiledPlan& plan, const ShotSelection& again) {
   const PlannedSweeps sweeps(plan);
   for (const SelectedShot& selected : again) {
     if (selected.shot >= plan.shots) {

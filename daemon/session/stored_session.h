@@ -34,7 +34,7 @@ class StoredSession final : public Session {
   Status BeginWriting(const CompiledPlan& plan, const SessionOptions& options, bool resumes);
   // As SessionOptions::again asks: whether that is possible, before anything is written, and what it
   // does to Missing.
-  Status CheckAgain(const CompiledPlan& plan, const ShotSelection& again) const;
+  Status CheckAgain(const CompiledPlan& plan, const ShotSelection& again);
   void Forget(const ShotSelection& again);
   void StaysComplete() { stays_complete_ = true; }
   // What a kill left of released sweeps. (On a disk that cannot be written it stays.)

@@ -1,7 +1,6 @@
 #include "daemon/session/verify.h"
 
 #include "daemon/session/planned_sweeps.h"
-#include "daemon/session/released_sweeps.h"
 #include "daemon/session/segment_files.h"
 #include "daemon/session/session_folder.h"
 #include "protocol/base/digest.h"
@@ -29,7 +28,7 @@ StatusOr<VerifyReport> VerifySession(const std::filesystem::path& root, const st
   MESORIG_RETURN_IF_ERROR(CheckPlan(plan, rig));
   std::vector<std::string> names;
   for (const mesorig::Camera& camera : rig.cameras) names.push_back(camera.name);
-  SegmentReaders segments(folder, names, FindReleased(folder, id));
+  SegmentReaders segments(folder, id, names);
   MESORIG_ASSIGN_OR_RETURN(const auto ledger, Ledger::Open(folder.journal()));
   bool goes_on = true;
   const auto verify = [&](const FrameRecord& row) -> Status {

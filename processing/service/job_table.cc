@@ -1,5 +1,7 @@
 #include "processing/service/job_table.h"
 
+#include <utility>
+
 #include "processing/service/product_folder.h"
 #include "protocol/wire/grpc_status.h"
 
@@ -7,38 +9,56 @@ namespace mesorig::service {
 
 void JobTable::StartLocked(const std::string& session_id) {
   if (stopped_) return;
-  jobs_[session_id] = start_job_(session_id, [this] {
-    MutexLock lock(mutex_);
-    changed_.NotifyAll();
-  });
+  again_.erase(session_id);
+  jobs_[session_id] = start_job_(session_id, [this, session_id] { OnChange(session_id); });
 }
 
-void JobTable::Start(const std::string& session_id) {
+void JobTable::OnChange(const std::string& session_id) {
+  MutexLock lock(mutex_);
+  const std::shared_ptr<Job> job = FindLocked(session_id);
+  if (job != nullptr && job->failed() && again_.contains(session_id)) {
+    replaced_.push_back(job);  // ends on another thread than its own
+    StartLocked(session_id);
+  }
+  changed_.NotifyAll();
+}
+
+std::shared_ptr<Job> JobTable::FindLocked(const std::string& session_id) const {
+  const auto found = jobs_.find(session_id);
+  return found == jobs_.end() ? nullptr : found->second;
+}
+
+void JobTable::Start(const std::string& session_id) { Start(session_id, true); }
+
+void JobTable::Start(const std::string& session_id, bool began) {
   if (!CheckSessionId(session_id).ok()) return;
   const std::optional<uint32_t> starts = ask_starts_(session_id);
   const auto current = [&](uint32_t start) { return !starts || *starts == start; };
-  std::shared_ptr<Job> before;  // ends outside the lock, which its thread may take
+  std::vector<std::shared_ptr<Job>> before;  // end outside the lock, which their threads may take
   {
     MutexLock lock(mutex_);
-    const auto found = jobs_.find(session_id);
-    if (found != jobs_.end()) {
-      const Job& job = *found->second;
-      if (!job.finished() || (!job.failed() && current(job.start()))) return;
+    before = std::exchange(replaced_, {});
+    const std::shared_ptr<Job> job = FindLocked(session_id);
+    if (job != nullptr) {
+      if (began && !job->finished()) again_.insert(session_id);
+      if (!job->finished() || (!job->failed() && current(job->start()))) return;
     } else if (OnDisk(session_id, nullptr) &&
                current(StartOfProducts(products_dir_ / session_id))) {
       return;
     }
-    if (found != jobs_.end()) before = std::move(found->second);
+    before.push_back(job);
     StartLocked(session_id);
   }
 }
 
 void JobTable::Stop() {
   std::map<std::string, std::shared_ptr<Job>> jobs;
+  std::vector<std::shared_ptr<Job>> replaced;
   {
     MutexLock lock(mutex_);
     stopped_ = true;
     jobs.swap(jobs_);
+    replaced.swap(replaced_);
     changed_.NotifyAll();
   }
   for (auto& [id, job] : jobs) job->Stop();
@@ -61,7 +81,7 @@ grpc::Status JobTable::GetProducts(grpc::ServerContext*, const v1::ProductsReque
   std::shared_ptr<Job> job;
   {
     MutexLock lock(mutex_);
-    if (const auto found = jobs_.find(id); found != jobs_.end()) job = found->second;
+    job = FindLocked(id);
   }
   if (job != nullptr) {
     *reply = job->Snapshot();
@@ -76,12 +96,13 @@ grpc::Status JobTable::AwaitProducts(grpc::ServerContext* context,
                                      v1::ProductsReply* reply) {
   const std::string& id = request->session_id();
   if (const Status status = CheckSessionId(id); !status.ok()) return wire::ToGrpc(status);
-  Start(id);
+  Start(id, false);
   std::shared_ptr<Job> job;
   {
     MutexLock lock(mutex_);
-    if (const auto found = jobs_.find(id); found != jobs_.end()) job = found->second;
-    while (job != nullptr && !job->finished() && !stopped_ && !context->IsCancelled()) {
+    for (;;) {
+      job = FindLocked(id);
+      if (job == nullptr || job->finished() || stopped_ || context->IsCancelled()) break;
       changed_.WaitFor(mutex_, std::chrono::milliseconds(100));
     }
   }

@@ -7,7 +7,9 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
+#include <vector>
 
 #include "protocol/base/mutex.h"
 #include "protocol/messages/processing.grpc.pb.h"
@@ -38,9 +40,10 @@ class JobTable final : public v1::Processing::Service {
       : products_dir_(std::move(products_dir)),
         start_job_(std::move(start_job)),
         ask_starts_(std::move(ask_starts)) {}
-  // Begins the session unless its product exists or it is under way. One that failed begins again:
-  // a session that ended incomplete may have been resumed. So does one whose frames were taken
-  // again since.
+  // The daemon has begun this session, or resumed it. Begins it here too unless its product exists
+  // or it is under way. One that failed begins again: a session that ended incomplete may have been
+  // resumed. So does one that is about to fail, once it has, and one whose frames were taken again
+  // since.
   void Start(const std::string& session_id);
   // Ends all jobs and lets AwaitProducts return; nothing begins after it.
   void Stop();
@@ -52,7 +55,10 @@ class JobTable final : public v1::Processing::Service {
                              v1::ProductsReply* reply) override;
 
  private:
+  void Start(const std::string& session_id, bool began);
   void StartLocked(const std::string& session_id) REQUIRES(mutex_);
+  void OnChange(const std::string& session_id);
+  std::shared_ptr<Job> FindLocked(const std::string& session_id) const REQUIRES(mutex_);
   // A product of an earlier run of this program.
   bool OnDisk(const std::string& session_id, v1::ProductsReply* reply) const;
 
@@ -63,6 +69,8 @@ class JobTable final : public v1::Processing::Service {
   CondVar changed_;
   bool stopped_ GUARDED_BY(mutex_) = false;
   std::map<std::string, std::shared_ptr<Job>> jobs_ GUARDED_BY(mutex_);  // shared with calls
+  std::set<std::string> again_ GUARDED_BY(mutex_);  // begun anew while their jobs still ran
+  std::vector<std::shared_ptr<Job>> replaced_ GUARDED_BY(mutex_);  // by their own threads
 };
 
 }  // namespace mesorig::service

@@ -124,6 +124,15 @@ TEST_F(SafetyTest, ARigThatWasJustSwitchedOnWaitsForReset) {
   EXPECT_EQ(WhyNot(), "");
 }
 
+TEST_F(SafetyTest, WhatAnEarlierDaemonLeftOnIsNoHang) {
+  safety_.reset();
+  Pass(3600);
+  ASSERT_EQ(axes_[0]->Enable(), OkStatus());
+  safety_ = std::make_unique<Safety>(clock_, rig_, devices_, stop_);
+  EXPECT_EQ(WhyNot(), "");
+  EXPECT_EQ(safety_->state().trips, 0u);
+}
+
 TEST_F(SafetyTest, AHandThatResetsWhileTheDaemonStartsIsSeen) {
   for (const int line : {rig_.lines.estop, rig_.lines.door, rig_.lines.power}) {
     safety_.reset();

@@ -1,10 +1,13 @@
 #include "daemon/session/segment_files.h"
 
+#include "daemon/session/released_sweeps.h"
 #include "protocol/base/digest.h"
 #include "tests/daemon/session/session_fixture.h"
 
 namespace mesorig::daemon {
 namespace {
+
+const std::string kId = "a session";
 
 // Descriptors of this process that are open on files below `folder`.
 size_t OpenFilesBelow(const std::filesystem::path& folder) {
@@ -74,7 +77,7 @@ TEST_F(SegmentFiles, WritersCloseASweepWithItsLastFrame) {
   const FrameRecord again = Write(*writers, 0, 0);
   EXPECT_GT(again.offset, 2u * 128);
   ASSERT_TRUE(writers->Sync().ok());
-  SegmentReaders readers(folder_, {"a", "b"}, {});
+  SegmentReaders readers(folder_, kId, {"a", "b"});
   const auto pixels = readers.Read(again);
   ASSERT_TRUE(pixels.ok()) << pixels.status();
   EXPECT_EQ(**pixels, *PixelsOf(0, 0));
@@ -92,7 +95,8 @@ TEST_F(SegmentFiles, ReadersHoldFewFilesAndNoneOfAReleasedSweep) {
     EXPECT_EQ(writers->open_files(), 2u);
   }
   ASSERT_EQ(OpenFilesBelow(temporary_.path()), 0u);
-  SegmentReaders readers(folder_, {"a", "b"}, {7});
+  ASSERT_TRUE(MarkReleased(folder_, kId, 7).ok());
+  SegmentReaders readers(folder_, kId, {"a", "b"});
   EXPECT_EQ(OpenFilesBelow(temporary_.path()), 2u) << "the main segments";
   for (int round = 0; round < 2; ++round) {
     for (const FrameRecord& record : records) {

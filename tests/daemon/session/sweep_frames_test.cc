@@ -130,6 +130,25 @@ TEST_F(SweepFrames, ReleaseFreesTheBytesAndKeepsTheRows) {
   EXPECT_EQ(*ShotsOf(*reopened, 3), Range(0, 10));
 }
 
+// Who read it before it was resumed goes on with that, and releases beside the writer.
+TEST_F(SweepFrames, AReleaseBesideTheWriterLosesNothing) {
+  {
+    const auto session = Create();
+    ASSERT_TRUE(AppendAll(*session, plan_).ok());
+    ASSERT_TRUE(session->Finish(false, "stopped", 1, 1, true).ok());
+  }
+  const auto reader = Open();
+  const auto writer = Session::Resume(folder_.path(), id_, rig_);
+  ASSERT_TRUE(writer.ok()) << writer.status();
+  ASSERT_TRUE(reader->ReleaseSweep(1).ok());
+  EXPECT_EQ(*ShotsOf(**writer, 0), Range(16, 19, Range(0, 7)));
+  EXPECT_EQ(*(*writer)->DropDamaged(), 0u);
+  EXPECT_EQ(*(*writer)->ReleaseSweep(1), 0u);
+  const Status again = AppendSweep(**writer, SweepStep(1));
+  EXPECT_TRUE(absl::IsFailedPrecondition(again)) << again;
+  EXPECT_EQ((*writer)->Finish(true, "", 1, 1, true), OkStatus());
+}
+
 TEST_F(SweepFrames, ReleaseIsRefusedWhenThePlanKeepsOrTheFramesAreNotAllThere) {
   const auto session = Create();
   const Step& step = SweepStep(1);

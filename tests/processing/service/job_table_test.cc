@@ -1,0 +1,77 @@
+#include "processing/service/job_table.h"
+
+#include <gtest/gtest.h>
+
+namespace mesorig::service {
+namespace {
+
+class FakeJob final : public Job {
+ public:
+  explicit FakeJob(std::function<void()> on_change) : on_change_(std::move(on_change)) {}
+  void Stop() override {}
+  v1::ProductsReply Snapshot() const override { return {}; }
+  bool finished() const override { return finished_; }
+  bool failed() const override { return failed_; }
+  uint32_t start() const override { return 1; }
+  void Finish(bool failed) {
+    failed_ = failed;
+    finished_ = true;
+    on_change_();
+  }
+
+ private:
+  const std::function<void()> on_change_;
+  std::atomic<bool> finished_{false}, failed_{false};
+};
+
+class JobTableTest : public ::testing::Test {
+ protected:
+  const std::string kId = "20260101T000000.000Z-plan";
+  std::vector<std::shared_ptr<FakeJob>> jobs_;
+  std::optional<uint32_t> starts_ = 1;
+  JobTable table_{"no such folder",
+                  [this](const std::string&, std::function<void()> on_change) {
+                    jobs_.push_back(std::make_shared<FakeJob>(std::move(on_change)));
+                    return jobs_.back();
+                  },
+                  [this](const std::string&) { return starts_; }};
+};
+
+TEST_F(JobTableTest, OneThatFailedBeginsAgainOneThatIsDoneDoesNot) {
+  table_.Start(kId);
+  ASSERT_EQ(jobs_.size(), 1u);
+  jobs_[0]->Finish(true);
+  EXPECT_EQ(jobs_.size(), 1u) << "nobody resumed it";
+  table_.Start(kId);
+  ASSERT_EQ(jobs_.size(), 2u);
+  jobs_[1]->Finish(false);
+  table_.Start(kId);
+  EXPECT_EQ(jobs_.size(), 2u);
+  starts_ = 2;  // frames were taken again
+  table_.Start(kId);
+  EXPECT_EQ(jobs_.size(), 3u);
+}
+
+// The daemon resumes a session while the job has not yet noticed that it had ended.
+TEST_F(JobTableTest, AStartWhileTheJobIsAboutToFailIsNotLost) {
+  table_.Start(kId);
+  table_.Start(kId);
+  ASSERT_EQ(jobs_.size(), 1u);
+  jobs_[0]->Finish(true);
+  ASSERT_EQ(jobs_.size(), 2u);
+  jobs_[1]->Finish(true);
+  EXPECT_EQ(jobs_.size(), 2u) << "once";
+  table_.Stop();
+  table_.Start(kId);
+  EXPECT_EQ(jobs_.size(), 2u);
+}
+
+TEST_F(JobTableTest, AStartWhileTheJobSucceedsChangesNothing) {
+  table_.Start(kId);
+  table_.Start(kId);
+  jobs_[0]->Finish(false);
+  EXPECT_EQ(jobs_.size(), 1u);
+}
+
+}  // namespace
+}  // namespace mesorig::service
