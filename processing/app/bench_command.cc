@@ -14,6 +14,7 @@ namespace mesorig::processing {
 namespace {
 
 constexpr double kDifferenceGain = 4;
+constexpr int kPictureWidth = 320;  // of one apparent BRDF, about: pairs become squares
 
 StatusOr<std::vector<const codecs::Encoder*>> Chosen(const std::vector<std::string>& names) {
   if (names.empty()) return codecs::AllEncoders();
@@ -46,6 +47,17 @@ double ExposureOf(std::vector<float> values) {
   return *at > 0 ? 1.0 / *at : 1.0;
 }
 
+// Every pixel becomes a square.
+std::vector<float> Enlarged(const std::vector<float>& rgb, int width, int factor) {
+  const auto w = static_cast<size_t>(width), f = static_cast<size_t>(factor);
+  std::vector<float> large(rgb.size() * f * f);
+  for (size_t i = 0; i < large.size() / 3; ++i) {
+    const size_t from = i / (w * f) / f * w + i % (w * f) / f;
+    std::copy_n(rgb.data() + 3 * from, 3, large.data() + 3 * i);
+  }
+  return large;
+}
+
 // Original, decoded and the difference (grey is none), side by side.
 Status WriteAbrdf(const btf::SampledBtf& btf, const codecs::EncodedBtf& encoded,
                   const std::filesystem::path& png) {
@@ -63,7 +75,9 @@ Status WriteAbrdf(const btf::SampledBtf& btf, const codecs::EncodedBtf& encoded,
     difference[i] = static_cast<float>(0.2 + kDifferenceGain * exposure * (b[i] - a[i]));
   }
   const auto picture = [&](const std::vector<float>& values, double e) {
-    return PictureOf(h.light_count(), h.view_count(), values, e, !h.calibrated);
+    const int factor = std::max(1, kPictureWidth / h.light_count());
+    return PictureOf(h.light_count() * factor, h.view_count() * factor,
+                     Enlarged(values, h.light_count(), factor), e, !h.calibrated);
   };
   return WritePng(SideBySide(SideBySide(picture(a, exposure), picture(b, exposure)),
                              picture(difference, 1)), png);

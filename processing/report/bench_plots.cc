@@ -1,5 +1,6 @@
 #include "processing/report/bench_plots.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <map>
 
@@ -8,20 +9,23 @@
 namespace mesorig::report {
 namespace {
 
-// Block 0 of the data is the front, each other one a series; a block's first line has its name.
+// Block 0 of the data is the front, each other one a series; a block's first line has its name, and
+// the fifth column of all is 2 * colour + dash: a codec's series share a colour.
 #define MESORIG_BENCH_PLOT(xlabel)                                                          \
   "set encoding utf8\n"                                                                     \
   "set terminal pngcairo size 1500,900 font 'sans,20' background rgb 'white' lw 2\n"        \
   "set output 'plot.png'\nset border 3 lc rgb '#808080'\n"                                  \
   "set tics nomirror tc rgb '#404040'\nset grid lc rgb '#e4e4e4' lt 1\n"                    \
   "set key outside right top tc rgb '#404040' noenhanced samplen 2\n"                       \
-  "stats 'data.txt' using 2:3 nooutput\nn = int(STATS_blocks)\n"                            \
-  "array c[8] = [0x2f6db5,0xd9822b,0x3f9a52,0xb5433a,0x7a5bb0,0x8a6d3b,0x3f9d9d,0xc65f9b]\n" \
+  "stats 'data.txt' using 2:3 nooutput\nn = int(STATS_blocks)\narray k[n]\n"                \
+  "do for [i=1:n-1] {stats 'data.txt' index i using 5 nooutput\nk[i] = int(STATS_min)}\n"   \
+  "array c[12] = [0x2f6db5,0xd9822b,0x3f9a52,0xb5433a,0x7a5bb0,0x8a6d3b,0x3f9d9d,0xc65f9b,"  \
+  "0x505050,0x8fae1b,0x1f3f7f,0xe0b020]\n"                                                  \
   "set logscale xy 10\nset format y '%g'\nset xlabel '" xlabel "'\n"                        \
   "set ylabel 'relative error'\nset autoscale xfix\nset autoscale yfix\nset offsets graph 0.04,graph 0.04,graph 0.05,graph 0.05\n"  \
   "plot 'data.txt' index 0 using 2:3 with lines lc rgb '#d8d8d8' lw 6 "                     \
   "title columnheader(1), for [i=1:n-1] '' index i using 2:3 with linespoints "             \
-  "pt 1+(i-1)%15 ps 1.3 lc rgb c[1+(i-1)%8] title columnheader(1), "                        \
+  "pt 1+k[i]%15 dt 1+k[i]%2 ps 1.3 lc rgb c[1+k[i]/2%12] title columnheader(1), "           \
   "for [i=1:n-1] '' index i using 2:3:4 with labels font 'sans,13' offset 0.8,0.6 "         \
   "tc rgb '#707070' noenhanced notitle\n"
 
@@ -38,8 +42,8 @@ double CostOf(const BenchRow& row, const BenchPlot& plot) {
   return plot.factor * (plot.inverse ? 1 / x : x);
 }
 
-std::string Line(std::string_view name, double x, double y, std::string_view label) {
-  return fmt::format("{} {} {} {}\n", DataText(name), x, y, DataText(label));
+std::string Line(std::string_view name, double x, double y, std::string_view label, size_t look) {
+  return fmt::format("{} {} {} {} {}\n", DataText(name), x, y, DataText(label), look);
 }
 
 }  // namespace
@@ -63,24 +67,28 @@ Status PlotBench(const BenchReport& report, const BenchPlot& plot,
                  const std::filesystem::path& png) {
   std::vector<std::string> names;  // in order of the rows
   std::map<std::string, std::string> blocks;
+  std::vector<std::string> codecs;
   std::vector<BenchRow> costed;  // with the cost in bytes: the front's rows
   for (const BenchRow& row : report.rows) {
     const double x = CostOf(row, plot);
     if (!(x > 0) || !(row.rel_error > 0)) continue;
+    const auto codec = std::find(codecs.begin(), codecs.end(), row.codec);
+    const size_t look = 2 * static_cast<size_t>(codec - codecs.begin()) + (row.series != row.codec ? 1 : 0);
+    if (codec == codecs.end()) codecs.push_back(row.codec);
     if (!blocks.contains(row.series)) {
       names.push_back(row.series);
-      blocks[row.series] = Line(row.series, 1, 1, "");
+      blocks[row.series] = Line(row.series, 1, 1, "", look);
     }
-    blocks[row.series] += Line(row.series, x, row.rel_error, row.label);
+    blocks[row.series] += Line(row.series, x, row.rel_error, row.label, look);
     costed.emplace_back();
     costed.back().bytes = x;
     costed.back().rel_error = row.rel_error;
   }
   if (costed.size() < 2) return NotFound("fewer than two rows have this figure");
-  std::string data = Line(plot.front ? "Pareto front" : "", 1, 1, "");
+  std::string data = Line(plot.front ? "Pareto front" : "", 1, 1, "", 0);
   const std::vector<size_t> front = ParetoFront(costed, &BenchRow::bytes);
-  for (const size_t i : front) data += Line("", costed[i].bytes, costed[i].rel_error, "");
-  if (!plot.front) data = Line("", 1, 1, "") + Line("", costed[0].bytes, costed[0].rel_error, "");
+  for (const size_t i : front) data += Line("", costed[i].bytes, costed[i].rel_error, "", 0);
+  if (!plot.front) data = Line("", 1, 1, "", 0) + Line("", costed[0].bytes, costed[0].rel_error, "", 0);
   for (const std::string& name : names) data += "\n\n" + blocks[name];
   return Plot(plot.script, data, png);
 }

@@ -34,7 +34,8 @@ class FmfEncoder final : public Encoder {
     PutTerms(matrix, svd, {}, 0, 0, btf.header(), factors);
     RoundFactors(btf.header(), factors);
     btf::BtfFileInfo info = InfoOf(btf, name(), kVersion);
-    info.codec_options_json = OptionsJson(factors, options, weights.floor);
+    info.codec_options_json = OptionsJson(options, factors.quantisation, weights.floor,
+                                          {{"terms", shape.terms}});
     return LinearBtf::Create(std::move(info), std::move(factors));
   }
 };

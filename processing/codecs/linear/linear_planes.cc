@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "processing/codecs/linear/linear_btf.h"
+#include "processing/codecs/linear/linear_planes.h"
 
 namespace mesorig::codecs {
 namespace {
@@ -11,12 +11,6 @@ namespace {
 constexpr int kMaxTerms = 4096, kMaxClusters = 2048;  // whole numbers in half up to there
 
 std::string Numbered(char letter, int i) { return fmt::format("{}{:05}", letter, i); }
-
-std::vector<std::string> WeightChannels(int terms) {
-  std::vector<std::string> channels;
-  for (int k = 0; k < terms; ++k) channels.push_back(fmt::format("t{:04}", k));
-  return channels;
-}
 
 // Sorted by name, as planes are when read.
 std::vector<std::string> VectorChannels(const LinearShape& shape) {
@@ -59,31 +53,96 @@ PlaneSize VectorSize(const btf::BtfHeader& header, const LinearShape& shape) {
   return {header.light_count(), shape.per_view ? 1 : header.view_count()};
 }
 
-std::vector<std::string> ScaleChannels() { return {"s"}; }
-
 }  // namespace
+
+std::vector<std::string> TermChannels(int terms) {
+  std::vector<std::string> channels;
+  for (int k = 0; k < terms; ++k) channels.push_back(fmt::format("t{:04}", k));
+  return channels;
+}
+
+StatusOr<int> CountTerms(const btf::CodedBtf& file, const std::string& name) {
+  const auto weights = file.planes.find(name);
+  if (weights == file.planes.end()) return InvalidArgument("part {} is missing", name);
+  if (weights->second.channels.size() > static_cast<size_t>(kMaxTerms)) {
+    return InvalidArgument("part {} has {} terms, at most {} are permitted", name,
+                           weights->second.channels.size(), kMaxTerms);
+  }
+  return static_cast<int>(weights->second.channels.size());
+}
+
+btf::Plane WeightPlane(std::string name, const btf::BtfHeader& header, const LinearFactors& factors,
+                       int family) {
+  const size_t texels = header.texel_count(), stride = static_cast<size_t>(factors.shape.stride());
+  const auto terms = static_cast<size_t>(factors.shape.terms);
+  const float* const g = factors.g.data() + static_cast<size_t>(family) * texels * stride;
+  std::vector<float> values(texels * terms);
+  for (size_t k = 0; k < terms; ++k) {
+    for (size_t i = 0; i < texels; ++i) values[k * texels + i] = g[i * stride + k];
+  }
+  return QuantisedPlane(std::move(name), header.width, header.height,
+                        TermChannels(factors.shape.terms), factors.quantisation,
+                        std::move(values));
+}
+
+Status TakeWeights(btf::CodedBtf& file, const std::string& name, LinearFactors& factors) {
+  const btf::BtfHeader& header = file.info.header;
+  const LinearShape& shape = factors.shape;
+  const size_t texels = header.texel_count(), stride = static_cast<size_t>(shape.stride());
+  const auto terms = static_cast<size_t>(shape.terms);
+  MESORIG_ASSIGN_OR_RETURN(btf::Plane plane, TakePlane(file, name, header.width, header.height,
+                                                       TermChannels(shape.terms)));
+  MESORIG_ASSIGN_OR_RETURN(const std::vector<float> values,
+                           Dequantised(std::move(plane), factors.quantisation));
+  const size_t first = factors.g.size();
+  factors.g.resize(first + texels * stride);  // only now: the plane proves the size
+  for (size_t k = 0; k < terms; ++k) {
+    for (size_t i = 0; i < texels; ++i) factors.g[first + i * stride + k] = values[k * texels + i];
+  }
+  for (size_t i = 0; shape.mean && i < texels; ++i) factors.g[first + i * stride + terms] = 1;
+  return OkStatus();
+}
+
+btf::Plane ScalePlane(int width, int height, std::vector<float> scales) {
+  return {"S", width, height, {"s"}, false, std::move(scales)};
+}
+
+StatusOr<std::vector<float>> TakeScales(btf::CodedBtf& file, int width, int height) {
+  MESORIG_ASSIGN_OR_RETURN(btf::Plane plane, TakePlane(file, "S", width, height, {"s"}));
+  for (const float scale : plane.values) {
+    if (!(scale >= 0x1p-100f && scale <= 0x1p100f)) {
+      return InvalidArgument("part S holds a scale of {}, permitted are 2^-100 to 2^100", scale);
+    }
+  }
+  return std::move(plane.values);
+}
+
+btf::Plane FloorPlane(float floor) { return {"P", 1, 1, {"floor"}, false, {floor}}; }
+
+StatusOr<float> TakeFloor(btf::CodedBtf& file) {
+  MESORIG_ASSIGN_OR_RETURN(const btf::Plane plane, TakePlane(file, "P", 1, 1, {"floor"}));
+  const float floor = plane.values[0];
+  if (floor >= 0 && floor <= 1e30f) return floor;
+  return InvalidArgument("part P: a floor of {}, permitted are 0 (linear) to 1e30", floor);
+}
+
+Status CheckNothingLeft(const btf::CodedBtf& file) {
+  if (file.planes.empty()) return OkStatus();
+  return InvalidArgument("part {} belongs to no factor", file.planes.begin()->first);
+}
 
 std::vector<btf::Plane> LinearBtf::Planes() const {
   const btf::BtfHeader& header = info_.header;
   const LinearShape& shape = factors_.shape;
-  const size_t texels = header.texel_count(), stride = static_cast<size_t>(shape.stride());
   std::vector<btf::Plane> planes;
-  planes.push_back({"P", 1, 1, {"floor"}, false, {factors_.log_floor}});
-  planes.push_back({"S", shape.stride(), shape.bases(header), ScaleChannels(), false,
-                    factors_.scales});
+  planes.push_back(FloorPlane(factors_.log_floor));
+  planes.push_back(ScalePlane(shape.stride(), shape.bases(header), factors_.scales));
   if (!factors_.cluster.empty()) {
     planes.push_back({"K", header.width, header.height, {"k"}, true,
                       std::vector<float>(factors_.cluster.begin(), factors_.cluster.end())});
   }
   for (int f = 0; f < shape.families(header); ++f) {
-    std::vector<float> values(texels * static_cast<size_t>(shape.terms));
-    const float* const g = factors_.g.data() + static_cast<size_t>(f) * texels * stride;
-    for (size_t k = 0; k < static_cast<size_t>(shape.terms); ++k) {
-      for (size_t i = 0; i < texels; ++i) values[k * texels + i] = g[i * stride + k];
-    }
-    planes.push_back(QuantisedPlane(Numbered('G', f), header.width, header.height,
-                                    WeightChannels(shape.terms), factors_.quantisation,
-                                    std::move(values)));
+    planes.push_back(WeightPlane(Numbered('G', f), header, factors_, f));
   }
   const PlaneSize size = VectorSize(header, shape);
   const std::vector<std::string> channels = VectorChannels(shape);
@@ -99,41 +158,6 @@ std::vector<btf::Plane> LinearBtf::Planes() const {
 }
 
 namespace {
-
-Status ReadScales(btf::CodedBtf& file, LinearFactors& factors) {
-  const LinearShape& shape = factors.shape;
-  MESORIG_ASSIGN_OR_RETURN(btf::Plane plane,
-                           TakePlane(file, "S", shape.stride(), shape.bases(file.info.header),
-                                     ScaleChannels()));
-  for (const float scale : plane.values) {
-    if (!(scale >= 0x1p-100f && scale <= 0x1p100f)) {
-      return InvalidArgument("part S holds a scale of {}, permitted are 2^-100 to 2^100", scale);
-    }
-  }
-  factors.scales = std::move(plane.values);
-  return OkStatus();
-}
-
-Status ReadWeights(btf::CodedBtf& file, LinearFactors& factors) {
-  const btf::BtfHeader& header = file.info.header;
-  const LinearShape& shape = factors.shape;
-  const size_t texels = header.texel_count(), stride = static_cast<size_t>(shape.stride());
-  for (int f = 0; f < shape.families(header); ++f) {
-    MESORIG_ASSIGN_OR_RETURN(btf::Plane plane,
-                             TakePlane(file, Numbered('G', f), header.width, header.height,
-                                       WeightChannels(shape.terms)));
-    MESORIG_ASSIGN_OR_RETURN(const std::vector<float> values,
-                             Dequantised(std::move(plane), factors.quantisation));
-    const size_t first = factors.g.size();
-    factors.g.resize(first + texels * stride);  // only now: the plane proves the size
-    for (size_t k = 0; k < static_cast<size_t>(shape.terms); ++k) {
-      for (size_t i = 0; i < texels; ++i) factors.g[first + i * stride + k] = values[k * texels + i];
-    }
-    if (!shape.mean) continue;
-    for (size_t i = 0; i < texels; ++i) factors.g[first + i * stride + static_cast<size_t>(shape.terms)] = 1;
-  }
-  return OkStatus();
-}
 
 Status ReadVectors(btf::CodedBtf& file, LinearFactors& factors) {
   const btf::BtfHeader& header = file.info.header;
@@ -173,12 +197,7 @@ StatusOr<LinearShape> ShapeOf(const btf::CodedBtf& file, bool per_view, bool clu
   LinearShape shape;
   shape.per_view = per_view;
   shape.mean = clustered;
-  const auto weights = file.planes.find(Numbered('G', 0));
-  if (weights == file.planes.end()) return InvalidArgument("part {} is missing", Numbered('G', 0));
-  shape.terms = static_cast<int>(std::min<size_t>(weights->second.channels.size(), kMaxTerms + 1));
-  if (shape.terms > kMaxTerms) {
-    return InvalidArgument("part {} has more than {} terms", Numbered('G', 0), kMaxTerms);
-  }
+  MESORIG_ASSIGN_OR_RETURN(shape.terms, CountTerms(file, Numbered('G', 0)));
   if (!clustered) return shape;
   shape.clusters = 0;
   while (shape.clusters <= kMaxClusters && file.planes.contains(Numbered('H', shape.clusters))) {
@@ -196,19 +215,16 @@ StatusOr<std::unique_ptr<EncodedBtf>> DecodeLinear(btf::CodedBtf file, bool per_
                                                    bool clustered) {
   LinearFactors factors;
   MESORIG_ASSIGN_OR_RETURN(factors.shape, ShapeOf(file, per_view, clustered));
-  MESORIG_ASSIGN_OR_RETURN(const btf::Plane parameters, TakePlane(file, "P", 1, 1, {"floor"}));
-  factors.log_floor = parameters.values[0];
-  if (!(factors.log_floor >= 0 && factors.log_floor <= 1e30f)) {
-    return InvalidArgument("part P: a floor of {}, permitted are 0 (linear) to 1e30",
-                           factors.log_floor);
-  }
-  MESORIG_RETURN_IF_ERROR(ReadScales(file, factors));
+  MESORIG_ASSIGN_OR_RETURN(factors.log_floor, TakeFloor(file));
+  MESORIG_ASSIGN_OR_RETURN(factors.scales,
+                           TakeScales(file, factors.shape.stride(),
+                                      factors.shape.bases(file.info.header)));
   if (clustered) MESORIG_RETURN_IF_ERROR(ReadClusters(file, factors));
-  MESORIG_RETURN_IF_ERROR(ReadWeights(file, factors));
-  MESORIG_RETURN_IF_ERROR(ReadVectors(file, factors));
-  if (!file.planes.empty()) {
-    return InvalidArgument("part {} belongs to no factor", file.planes.begin()->first);
+  for (int f = 0; f < factors.shape.families(file.info.header); ++f) {
+    MESORIG_RETURN_IF_ERROR(TakeWeights(file, Numbered('G', f), factors));
   }
+  MESORIG_RETURN_IF_ERROR(ReadVectors(file, factors));
+  MESORIG_RETURN_IF_ERROR(CheckNothingLeft(file));
   return LinearBtf::Create(std::move(file.info), std::move(factors));
 }
 

@@ -96,13 +96,13 @@ Quantisation QuantisationOf(const EncodeOptions& options) {
                                                                   : Quantisation::kHalf);
 }
 
-std::string OptionsJson(const LinearFactors& factors, const EncodeOptions& options, double floor) {
-  nlohmann::json json{{"terms", factors.shape.terms},
-                      {"weighting", NameOf(options.weighting)},
+std::string OptionsJson(const EncodeOptions& options, Quantisation quantisation, double floor,
+                        const std::vector<std::pair<std::string, int>>& counts) {
+  nlohmann::json json{{"weighting", NameOf(options.weighting)},
                       {"solid_angle", options.solid_angle},
-                      {"quantisation", NameOf(factors.quantisation)}};
+                      {"quantisation", NameOf(quantisation)}};
+  for (const auto& [what, count] : counts) json[what] = count;
   if (options.weighting != Weighting::kLinear) json["floor"] = floor;
-  if (factors.shape.mean) json["clusters"] = factors.shape.clusters;
   return json.dump();
 }
 

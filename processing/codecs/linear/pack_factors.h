@@ -22,7 +22,9 @@ void RoundFactors(const btf::BtfHeader& header, LinearFactors& factors);
 // The quantisation that options ask for.
 Quantisation QuantisationOf(const EncodeOptions& options);
 // {"terms":...,"weighting":...,...}: what the file says of how it was made.
-std::string OptionsJson(const LinearFactors& factors, const EncodeOptions& options, double floor);
+// `counts`: of terms and what else there is a number of.
+std::string OptionsJson(const EncodeOptions& options, Quantisation quantisation, double floor,
+                        const std::vector<std::pair<std::string, int>>& counts);
 
 // The number of terms: options.terms, `standard` where it is 0, all. InvalidArgument beyond `most`.
 StatusOr<int> TermsOf(const EncodeOptions& options, int standard, int most);

@@ -100,4 +100,30 @@ SampleWeights WeightsFor(const btf::SampledBtf& btf, const EncodeOptions& option
   return w;
 }
 
+SeparateWeights SeparateWeightsFor(const btf::SampledBtf& btf, const EncodeOptions& options) {
+  const size_t views = btf.header().views.size(), lights = btf.header().lights.size();
+  SampleWeights samples = WeightsFor(btf, options);
+  SeparateWeights w{std::vector<float>(views, 1.0f), std::vector<float>(lights, 1.0f),
+                    std::move(samples.texel), samples.floor};
+  w.plain = options.weighting != Weighting::kRelative && !options.solid_angle &&
+            btf.header().mask.empty();
+  const auto fit = [&](std::vector<float>& to, size_t v_step, size_t l_step) {
+    std::vector<double> sums(to.size(), 0.0), counts(to.size(), 0.0);
+    for (size_t v = 0; v < views; ++v) {
+      for (size_t l = 0; l < lights; ++l) {
+        const size_t at = v * v_step + l * l_step;
+        for (size_t c = 0; c < 3; ++c) {
+          const double rest = samples.sample[3 * (v * lights + l) + c] / (w.view[v] * w.light[l]);
+          sums[at] += 1 / (rest * rest);
+          counts[at] += 1;
+        }
+      }
+    }
+    for (size_t i = 0; i < to.size(); ++i) to[i] = static_cast<float>(std::sqrt(counts[i] / sums[i]));
+  };
+  fit(w.view, 1, 0);
+  fit(w.light, 0, 1);
+  return w;
+}
+
 }  // namespace mesorig::codecs

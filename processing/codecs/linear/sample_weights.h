@@ -22,4 +22,14 @@ struct SampleWeights {
 inline constexpr float kOutsideMask = 1e-3f;
 SampleWeights WeightsFor(const btf::SampledBtf& btf, const EncodeOptions& options);
 
+// A weight a texel times one a view times one a light: what a decomposition can take that has views or
+// lights for rows or columns of their own.
+struct SeparateWeights {
+  std::vector<float> view, light, texel;
+  double floor = 0;
+  bool plain = true;  // all are 1
+};
+// The product that comes nearest to WeightsFor: exact for solid angles.
+SeparateWeights SeparateWeightsFor(const btf::SampledBtf& btf, const EncodeOptions& options);
+
 }  // namespace mesorig::codecs

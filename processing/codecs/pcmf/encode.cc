@@ -77,7 +77,8 @@ class PcmfEncoder final : public Encoder {
     }
     RoundFactors(btf.header(), factors);
     btf::BtfFileInfo info = InfoOf(btf, name(), kVersion);
-    info.codec_options_json = OptionsJson(factors, options, weights.floor);
+    info.codec_options_json = OptionsJson(options, factors.quantisation, weights.floor,
+                                          {{"terms", shape.terms}, {"clusters", shape.clusters}});
     return LinearBtf::Create(std::move(info), std::move(factors));
   }
 

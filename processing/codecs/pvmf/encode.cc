@@ -40,7 +40,8 @@ class PvmfEncoder final : public Encoder {
     }
     RoundFactors(btf.header(), factors);
     btf::BtfFileInfo info = InfoOf(btf, name(), kVersion);
-    info.codec_options_json = OptionsJson(factors, options, weights.floor);
+    info.codec_options_json = OptionsJson(options, factors.quantisation, weights.floor,
+                                          {{"terms", shape.terms}});
     return LinearBtf::Create(std::move(info), std::move(factors));
   }
 };

@@ -17,42 +17,8 @@ using Eigen::MatrixXf;
 constexpr Eigen::Index kBlock = 2048;  // rows at a time: fits the cache for a hundred views
 constexpr double kMaxGramBytes = 4e9;
 
-// A weight a row (texel, light) times a weight a column (view): what a plain decomposition can take.
-struct Weights {
-  std::vector<float> view, light, texel;
-  bool plain = true;  // all are 1
-};
-
-// The product that comes nearest to linear/sample_weights.h, whose weights are a (pair, channel)'s:
-// exact for solid angles.
-Weights SeparateWeights(const btf::SampledBtf& btf, const EncodeOptions& options) {
-  const size_t views = btf.header().views.size(), lights = btf.header().lights.size();
-  Weights w{std::vector<float>(views, 1.0f), std::vector<float>(lights, 1.0f), {}};
-  SampleWeights samples = WeightsFor(btf, options);
-  w.texel = std::move(samples.texel);
-  w.plain = options.weighting == Weighting::kLinear && !options.solid_angle &&
-            btf.header().mask.empty();
-  const auto fit = [&](std::vector<float>& to, size_t v_step, size_t l_step) {
-    std::vector<double> sums(to.size(), 0.0), counts(to.size(), 0.0);
-    for (size_t v = 0; v < views; ++v) {
-      for (size_t l = 0; l < lights; ++l) {
-        const size_t at = v * v_step + l * l_step;
-        for (size_t c = 0; c < 3; ++c) {
-          const double rest = samples.sample[3 * (v * lights + l) + c] / (w.view[v] * w.light[l]);
-          sums[at] += 1 / (rest * rest);
-          counts[at] += 1;
-        }
-      }
-    }
-    for (size_t i = 0; i < to.size(); ++i) to[i] = static_cast<float>(std::sqrt(counts[i] / sums[i]));
-  };
-  fit(w.view, 1, 0);
-  fit(w.light, 0, 1);
-  return w;
-}
-
 // The images of `views` under `light`, rows [first, first + rows), as columns, weighted.
-MatrixXf Block(const btf::SampledBtf& btf, const Weights& weights, const std::vector<int>& views,
+MatrixXf Block(const btf::SampledBtf& btf, const SeparateWeights& weights, const std::vector<int>& views,
                int light, Eigen::Index first, Eigen::Index rows) {
   MatrixXf block(rows, static_cast<Eigen::Index>(views.size()));
   for (size_t i = 0; i < views.size(); ++i) {
@@ -76,7 +42,7 @@ void ForBlocks(const btf::SampledBtf& btf, const Function& function) {
   }
 }
 
-StatusOr<std::vector<LightGroup>> Groups(const btf::SampledBtf& btf, const Weights& weights) {
+StatusOr<std::vector<LightGroup>> Groups(const btf::SampledBtf& btf, const SeparateWeights& weights) {
   std::map<std::vector<int>, std::vector<int>> lights_of;
   for (int l = 0; l < btf.header().light_count(); ++l) {
     std::vector<int> views;
@@ -110,7 +76,7 @@ StatusOr<std::vector<LightGroup>> Groups(const btf::SampledBtf& btf, const Weigh
 }
 
 // G_l = M_l A_l into layers light * terms + term, freed from the weights of its rows.
-std::vector<float> EigenTextures(const btf::SampledBtf& btf, const Weights& weights,
+std::vector<float> EigenTextures(const btf::SampledBtf& btf, const SeparateWeights& weights,
                                  const std::vector<LightGroup>& groups, const MatrixXd& e) {
   const size_t terms = static_cast<size_t>(e.cols()), size = btf.image_size();
   std::vector<float> layers(btf.header().lights.size() * terms * size, 0.0f);
@@ -171,7 +137,7 @@ class ViewSvdEncoder final : public Encoder {
     if (terms < 1 || terms > views) {
       return InvalidArgument("{} terms, permitted are 1 to {} (views) or all", terms, views);
     }
-    const Weights separate = SeparateWeights(btf, options);
+    const SeparateWeights separate = SeparateWeightsFor(btf, options);
     MESORIG_ASSIGN_OR_RETURN(const std::vector<LightGroup> groups, Groups(btf, separate));
     MatrixXd e = Factorise(groups, views, terms);
     std::vector<float> layers = EigenTextures(btf, separate, groups, e);

@@ -1,4 +1,4 @@
-// fmf, pvmf and pcmf: what they owe beyond the contract of every codec.
+// fmf, pvmf, pcmf and tucker: what they owe beyond the contract of every codec.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <random>
 
 #include "processing/btf/errors.h"
@@ -405,7 +406,7 @@ TEST_P(LinearCodec, TargetsAreMetWithTheFewestOrTheMostTerms) {
   const btf::SampledBtf btf = SyntheticBtf(Header());
   const Encoder& encoder = **FindEncoder(GetParam());
   const auto terms_of = [](const EncodedBtf& encoded) {
-    return static_cast<const LinearBtf&>(encoded).factors().shape.terms;
+    return nlohmann::json::parse(encoded.info().codec_options_json)["terms"].get<int>();
   };
   const auto precise = EncodeToTarget(encoder, btf, {}, {.error = 0.05});
   ASSERT_TRUE(precise.ok()) << precise.status();
@@ -426,7 +427,7 @@ TEST_P(LinearCodec, TargetsAreMetWithTheFewestOrTheMostTerms) {
   EXPECT_FALSE(EncodeToTarget(encoder, btf, {}, {}).ok());
 }
 
-INSTANTIATE_TEST_SUITE_P(LinearBases, LinearCodec, ::testing::Values("fmf", "pvmf", "pcmf"),
+INSTANTIATE_TEST_SUITE_P(LinearBases, LinearCodec, ::testing::Values("fmf", "pvmf", "pcmf", "tucker"),
                          [](const auto& parameter) { return std::string(parameter.param); });
 
 TEST(SampleWeights, APoleThatIsSeenTwelveTimesCountsOnce) {

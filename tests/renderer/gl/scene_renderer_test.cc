@@ -157,6 +157,23 @@ TEST_F(SceneRendererTest, AgreesWithTheCpuOnAnUncompressedBtf) {
   }
 }
 
+struct Setting {
+  const codecs::Encoder* encoder;
+  codecs::Weighting weighting;
+};
+
+// Every codec, and once more with its decoded values under an exponential where it can.
+std::vector<Setting> EverySetting() {
+  std::vector<Setting> settings;
+  for (const codecs::Encoder* encoder : codecs::AllEncoders()) {
+    settings.push_back({encoder, codecs::Weighting::kLinear});
+    if ((encoder->options() & codecs::kLogWeighting) != 0) {
+      settings.push_back({encoder, codecs::Weighting::kLog});
+    }
+  }
+  return settings;
+}
+
 // Every codec there is, through its own shader or as decoded images.
 TEST_F(SceneRendererTest, AgreesWithTheCpuOnEveryCodec) {
   btf::SampledBtf btf = MakeBumpyBtf(16, Rings(RadFromDeg(70), RadFromDeg(25)),
@@ -165,9 +182,12 @@ TEST_F(SceneRendererTest, AgreesWithTheCpuOnEveryCodec) {
     for (int i = 0; holes && i < 40; ++i) {
       btf.SetPresent(i % btf.header().view_count(), (i * 7) % 11, false);
     }
-    for (const codecs::Encoder* encoder : codecs::AllEncoders()) {
-      SCOPED_TRACE(fmt::format("{}{}", encoder->name(), holes ? " with absent pairs" : ""));
-      auto encoded = encoder->Encode(btf, {});
+    for (const auto& [encoder, weighting] : EverySetting()) {
+      SCOPED_TRACE(fmt::format("{}, {}{}", encoder->name(), codecs::NameOf(weighting),
+                               holes ? " with absent pairs" : ""));
+      codecs::EncodeOptions options;
+      options.weighting = weighting;
+      auto encoded = encoder->Encode(btf, options);
       if (absl::IsInvalidArgument(encoded.status())) continue;  // not for BTFs of many views
       ASSERT_TRUE(encoded.ok()) << encoded.status();
       auto source = BtfSource::FromEncoded(*std::move(encoded));
