@@ -87,6 +87,7 @@ Status SimulatedRig::MakeDevices() {
     return FailedPrecondition("nothing by hand while the daemon is {}", RowOf(state).name);
   };
   by_hand.alive = [&safety] { safety.Alive(); };
+  by_hand.safety = &safety;
   manual_ = ManualControl::Create(*link_, rig_, std::move(by_hand));
   return OkStatus();
 }

@@ -19,6 +19,7 @@ void ManualControlImpl::Admit(uint64_t token) {
     MESORIG_CHECK(token > newest_);
     EndAllInsideChange("a newer lease is in force");
     newest_ = token;
+    jog_failure_ = OkStatus();
     open_ = true;
     at_rest_ = false;
   });
@@ -33,10 +34,22 @@ void ManualControlImpl::Close(uint64_t newest, std::string_view why) {
 }
 
 void ManualControlImpl::Stop(std::string_view reason) {
+  const RigTime now = clock_.Now();
   clock_.Change([&] {
     ++stops_;
+    stopped_why_ = reason;
+    stop_untold_ |= WorksInsideChange();
+    const bool jogs = jog_.axis >= 0;
     EndAllInsideChange(reason);
+    if (!jogs) return;
+    jog_failure_ = Cancelled("{}", reason);
+    jog_failed_at_ = now;
   });
+}
+
+bool ManualControlImpl::WorksInsideChange() const {
+  return open_ &&
+         (LitInsideChange() || !doing_.empty() || !orders_.empty() || jog_.axis >= 0);
 }
 
 // What is under way ends within one wait; what it left on goes off before the next order.
@@ -71,7 +84,7 @@ Status ManualControlImpl::CheckTokenInsideChange(uint64_t token) const {
 
 Status ManualControlImpl::CheckOrderInsideChange(const ManualOrder& order) const {
   MESORIG_RETURN_IF_ERROR(CheckTokenInsideChange(order.token));
-  if (order.stops != stops_) return Cancelled("stopped since it was ordered");
+  if (order.stops != stops_) return Cancelled("{}, after this was ordered", stopped_why_);
   return OkStatus();
 }
 

@@ -12,6 +12,7 @@
 
 #include "daemon/control/sequencer.h"
 #include "daemon/safety/laser_gate.h"
+#include "daemon/safety/safety.h"
 
 namespace mesorig::daemon {
 
@@ -25,6 +26,8 @@ struct ManualDevices {
   std::function<Status()> may_energise;
   // Called as often as a motion is looked at: its thread makes progress.
   std::function<void()> alive = [] {};
+  // Whose stops and trips end what is done by hand (Stop); outlives this. Null: of a rig without.
+  Safety* safety = nullptr;
 };
 
 struct ManualStatus {
@@ -53,8 +56,10 @@ class ManualControl {
   // Returns at once; AwaitRest waits for it: Unavailable when it takes longer than `host_s`.
   virtual void Close(uint64_t newest, std::string_view why) = 0;
   virtual Status AwaitRest(double host_s) = 0;
-  // Somebody said stop: whatever moves or shines ends, torque off; orders given before are refused.
-  // Takes no lock but the clock's.
+  // Somebody said stop, or Safety tripped: whatever moves or shines ends, torque off; orders given
+  // before are refused. What was under way ends with Cancelled and the reason, a jog's next call
+  // too (who holds the button must let go first), and a note says it. Takes no lock but the
+  // clock's.
   virtual void Stop(std::string_view reason) = 0;
 
   // Errors of all: FailedPrecondition: the token is not the newest, the chain is open, another

@@ -9,6 +9,7 @@ namespace mesorig::daemon {
 namespace {
 
 constexpr RigTime kLook{50'000'000};  // how often a motion is looked at
+constexpr RigTime kIdleLook{1'000'000'000};  // how often who has left something on says "alive"
 constexpr double kMoveMargin_s = 5, kHomeMargin_s = 30;
 
 }  // namespace
@@ -20,7 +21,10 @@ void ManualControlImpl::Loop() {
   for (;;) {
     bool off = false, open = false, ending = false;
     std::optional<ManualOrder> order;
-    clock_.WaitUntil(kNever, [&] {
+    // What was left on (a lamp, torque) has somebody who answers for it.
+    const bool on = LeftOn();
+    if (on) devices_.alive();
+    clock_.WaitUntil(on ? clock_.Now() + kIdleLook : kNever, [&] {
       return ending_ || off_wanted_ || !orders_.empty() || open_ != activity.has_value();
     });
     clock_.Change([&] {
@@ -42,8 +46,11 @@ void ManualControlImpl::Loop() {
         doing_.clear();
         if (order->kind == ManualKind::kJog) {
           jog_ = {};
-          jog_failure_ = absl::IsCancelled(done) ? OkStatus() : done;
-          jog_failed_at_ = ended;
+          // (What ended by a stop has been told.)
+          if (!done.ok() && !absl::IsCancelled(done) && order->token == newest_) {
+            jog_failure_ = done;
+            jog_failed_at_ = ended;
+          }
         }
       });
       order->done->set_value(done);
@@ -97,6 +104,12 @@ Status ManualControlImpl::Serve(const ManualOrder& order) {
     StopAxis(order.index);
   if (!done.ok()) Tell(fmt::format("by hand: {}", Message(done)));
   return done;
+}
+
+bool ManualControlImpl::LeftOn() const {
+  bool lit = false;
+  clock_.Read([&] { lit = open_ && LitInsideChange(); });
+  return lit || std::find(touched_.begin(), touched_.end(), true) != touched_.end();
 }
 
 void ManualControlImpl::SetDoing(std::string doing) {
@@ -272,7 +285,9 @@ void ManualControlImpl::StopAxis(int index) {
 
 void ManualControlImpl::MakeSafe() {
   std::deque<ManualOrder> dropped;
+  std::string stopped;
   clock_.Change([&] {  // (what a newer lease ordered stays)
+    if (std::exchange(stop_untold_, false)) stopped = stopped_why_;
     const auto kept = std::stable_partition(
         orders_.begin(), orders_.end(),
         [&](const ManualOrder& order) { return CheckOrderInsideChange(order).ok(); });
@@ -296,7 +311,10 @@ void ManualControlImpl::MakeSafe() {
     lamp_commanded_.reset();
     laser_commanded_.reset();
   });
-  for (const ManualOrder& order : dropped) order.done->set_value(Cancelled("everything went off"));
+  for (const ManualOrder& order : dropped) {
+    order.done->set_value(Cancelled("{}", stopped.empty() ? "everything went off" : stopped));
+  }
+  if (!stopped.empty()) Tell(fmt::format("by hand: everything is off: {}", stopped));
 }
 
 }  // namespace mesorig::daemon

@@ -32,7 +32,11 @@ class ManualControlImpl final : public ManualControl {
         touched_(devices_.axes.size()),
         axis_read_(devices_.axes.size()),
         axis_commanded_(devices_.axes.size()),
-        thread_(clock, "manual control", [this] { Loop(); }) {}
+        thread_(clock, "manual control", [this] { Loop(); }) {
+    if (devices_.safety == nullptr) return;
+    stops_heard_ = devices_.safety->OnStop([this](std::string_view why) { Stop(why); });
+    trips_heard_ = devices_.safety->OnTrip([this](std::string_view why) { Stop(why); });
+  }
   ~ManualControlImpl() override {
     clock_.Change([&] { ending_ = true; });
   }
@@ -63,12 +67,15 @@ class ManualControlImpl final : public ManualControl {
   Status CheckTokenInsideChange(uint64_t token) const;
   Status CheckOrderInsideChange(const ManualOrder& order) const;
   void EndAllInsideChange(std::string_view why);
+  bool LitInsideChange() const { return lamp_commanded_ && lamp_commanded_->value > 0; }
+  bool WorksInsideChange() const;  // something is on by hand, or ordered
   std::future<Status> Give(ManualOrder order, Status valid);
   Status CheckAxis(int axis) const;
 
   // Of the manual thread.
   void Loop();
   Status Serve(const ManualOrder& order);
+  bool LeftOn() const;
   void SetDoing(std::string doing);
   void Tell(const std::string& note);
   // Just before each command to a device: the order is still to be carried out.
@@ -94,10 +101,12 @@ class ManualControlImpl final : public ManualControl {
   // Guarded by the clock's lock:
   bool open_ = false, off_wanted_ = false, at_rest_ = true, ending_ = false;
   uint64_t newest_ = 0, stops_ = 0;
+  std::string stopped_why_;  // the last stop's
+  bool stop_untold_ = false;  // it ended something, and the note is not out
   std::deque<ManualOrder> orders_;
   std::string doing_;
   JogHold jog_;
-  Status jog_failure_;  // of the last jog, for its next call
+  Status jog_failure_;  // of the newest lease's last jog, for its next call
   RigTime jog_failed_at_{};
   std::vector<std::optional<Reading>> axis_read_, axis_commanded_;
   std::optional<Reading> lamp_commanded_, laser_commanded_;
@@ -107,6 +116,7 @@ class ManualControlImpl final : public ManualControl {
   mutable Mutex listener_mutex_;
   std::function<void(const std::string&)> listener_ GUARDED_BY(listener_mutex_);
   RigThread thread_;
+  Subscription stops_heard_, trips_heard_;
 };
 
 }  // namespace mesorig::daemon

@@ -67,11 +67,6 @@ class SequencerImpl final : public Sequencer {
   InterlockChain& chain_;
   OperatorDesk desk_;
   ReadingBoard board_;
-  // Shared with Safety's listener, which may outlive this object. Guarded by the clock's lock.
-  struct Listening {
-    StateMachine* machine = nullptr;
-  };
-  const std::shared_ptr<Listening> listening_;
   std::atomic<uint32_t> frames_durable_{0};
   // Guarded by the clock's lock:
   std::optional<SessionJob> job_;
@@ -84,6 +79,7 @@ class SequencerImpl final : public Sequencer {
   mutable Mutex listener_mutex_;
   std::function<void(const SequencerEvent&)> listener_ GUARDED_BY(listener_mutex_);
   RigThread thread_;
+  const Subscription stops_;
 };
 
 std::unique_ptr<Safety> MakeSafety(RigClock& clock, const Rig& rig, const Devices& devices) {
@@ -109,25 +105,17 @@ SequencerImpl::SequencerImpl(RigClock& clock, const Rig& rig, Devices devices,
       chain_(safety_.chain()),
       desk_(clock, chain_, *devices_.stop),
       board_(rig),
-      listening_(std::make_shared<Listening>()),
-      thread_(clock, "sequencer", [this] { Loop(); }) {
-  // A stop that did not come by way of Stop; the sequencer's thread follows.
-  clock.Change([&] { listening_->machine = &machine_; });
-  safety_.OnStop([&clock, listening = listening_](std::string_view reason) {
-    StateMachine* machine = nullptr;
-    clock.Read([&] { machine = listening->machine; });
-    if (machine != nullptr) (void)machine->Give(SequencerCommand::kStop, reason);
-  });
-}
+      thread_(clock, "sequencer", [this] { Loop(); }),
+      // A stop that did not come by way of Stop; the sequencer's thread follows.
+      stops_(safety_.OnStop([this](std::string_view reason) {
+        (void)machine_.Give(SequencerCommand::kStop, reason);
+      })) {}
 
 SequencerImpl::~SequencerImpl() {
   if (const Status status = Stop("the daemon ends"); !status.ok()) {
     Log("control").error("{}", Message(status));
   }
-  clock_.Change([&] {
-    closing_ = true;
-    listening_->machine = nullptr;
-  });
+  clock_.Change([&] { closing_ = true; });
 }
 
 Status SequencerImpl::CheckBegin(SequencerCommand how, const CompiledPlan& plan) {

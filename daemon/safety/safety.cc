@@ -373,14 +373,10 @@ void Safety::PollLamps(RigTime now) {
 
 void Safety::TellTrips() {
   std::vector<std::string> trips;
-  std::vector<std::function<void(const std::string&)>> listeners;
-  clock_.Change([&] {
-    trips = std::exchange(untold_, {});
-    if (!trips.empty()) listeners = on_trip_;
-  });
+  clock_.Change([&] { trips = std::exchange(untold_, {}); });
   for (const std::string& trip : trips) {
     Log("safety").error("{}", trip);
-    for (const auto& listener : listeners) listener(trip);
+    on_trip_.Tell(trip);
   }
 }
 

@@ -33,6 +33,7 @@
 #include "daemon/safety/laser_gate.h"
 #include "daemon/safety/persists.h"
 #include "daemon/safety/safety_logic.h"
+#include "daemon/safety/subscribers.h"
 #include "protocol/rig/rig.h"
 
 namespace mesorig::daemon {
@@ -97,10 +98,15 @@ class Safety {
   // lamps are off (their error otherwise), the axes are told and the OnStop listeners have heard.
   Status StopNow(std::string_view reason);
   // Called by each StopNow, before anything is switched off, on the stop thread: takes no lock but
-  // the clock's, and makes whoever energises stop. Stays for the object's life; register early.
-  void OnStop(std::function<void(std::string_view reason)> listener);
-  // Called once for each trip, on the watch, after the energy is gone; returns quickly.
-  void OnTrip(std::function<void(const std::string& reason)> listener);
+  // the clock's, and makes whoever energises stop.
+  Subscription OnStop(std::function<void(std::string_view reason)> hear) {
+    return on_stop_.Add(std::move(hear));
+  }
+  // Called once for each trip, on the watch, after the energy is gone: returns quickly, and does
+  // not wait on the rig clock.
+  Subscription OnTrip(std::function<void(std::string_view reason)> hear) {
+    return on_trip_.Add(std::move(hear));
+  }
   uint64_t stops() const;  // a manual motion that began before the last one has ended
 
   // "I am at work": for whoever energised the rig and calls no device for a while.
@@ -174,9 +180,8 @@ class Safety {
   std::string hang_, heat_;
   std::vector<std::string> untold_;  // trips
   Persists power_lost_, contactor_stuck_, motion_stuck_, laser_stuck_;
-  std::vector<std::function<void(std::string_view)>> on_stop_;
-  std::vector<std::function<void(const std::string&)>> on_trip_;
 
+  Subscribers on_stop_, on_trip_;
   RigTime lamps_due_{};  // of the watch
   std::atomic<uint64_t> polls_done_{0};
   std::unique_ptr<LaserGate> gate_;

@@ -47,9 +47,7 @@ void Safety::ServeStops() {
 }
 
 void Safety::CarryOut(const std::vector<std::shared_ptr<Order>>& orders) {
-  std::vector<std::function<void(std::string_view)>> listeners;
-  clock_.Read([&] { listeners = on_stop_; });
-  for (const auto& listener : listeners) listener(orders.front()->reason);
+  on_stop_.Tell(orders.front()->reason);
   const Status off = DeEnergise();
   clock_.Change([&] { stopping_ -= static_cast<int>(orders.size()); });
   for (const auto& order : orders) order->done.set_value(off);
@@ -79,14 +77,6 @@ void Safety::LookForHang() {
   Log("safety").critical("{}: lamps off, axes quick-stopped", hang_);
   (void)DeEnergise();
   clock_.Disown(name);  // the rig's time goes on without it
-}
-
-void Safety::OnStop(std::function<void(std::string_view)> listener) {
-  clock_.Change([&] { on_stop_.push_back(std::move(listener)); });
-}
-
-void Safety::OnTrip(std::function<void(const std::string&)> listener) {
-  clock_.Change([&] { on_trip_.push_back(std::move(listener)); });
 }
 
 uint64_t Safety::stops() const {

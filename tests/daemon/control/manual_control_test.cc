@@ -24,15 +24,16 @@ constexpr RigTime kMs{1'000'000};
 std::string Text(const Status& status) { return std::string(Message(status)); }
 
 struct Hand {
-  explicit Hand(Rig the_rig = SmallRig()) : rig(std::move(the_rig)) {
+  // guarded: by the rig's Safety, as in the daemon.
+  explicit Hand(Rig the_rig = SmallRig(), bool guarded = false) : rig(std::move(the_rig)) {
     ManualDevices devices;
     for (const auto& axis : rig.axes) {
       axes.push_back(std::make_unique<FakeAxis>(clock, stop, log, axis));
       devices.axes.push_back(axes.back().get());
     }
     devices.lamps = &lamps;
-    if (rig.laser) {
-      lines.AddOneShot(rig.lines.laser_trigger, rig.lines.laser_on);
+    if (rig.laser) lines.AddOneShot(rig.lines.laser_trigger, rig.lines.laser_on);
+    if (rig.laser && !guarded) {
       gate = std::make_unique<LaserGate>(clock, &lines, rig.lines, stop);
       devices.gate = gate.get();
     }
@@ -40,7 +41,18 @@ struct Hand {
     devices.may_energise = [this] {
       return forbidden ? FailedPrecondition("the chain is open: door") : OkStatus();
     };
+    if (guarded) Guard(devices);
     manual = ManualControl::Create(clock, rig, devices);
+    manual->OnNote([this](const std::string& note) { notes.push_back(note); });
+  }
+  void Guard(ManualDevices& devices) {
+    safety = std::make_unique<Safety>(clock, rig, SafetyDevices{devices.axes, &lamps, &lines}, stop);
+    devices.axes = safety->axes();
+    devices.lamps = safety->lamps();
+    devices.gate = safety->gate();
+    devices.may_energise = [this] { return safety->MayEnergise(); };
+    devices.alive = [this] { safety->Alive(); };
+    devices.safety = safety.get();
   }
   // Does `what` on a member of the clock, and waits for its end.
   void AsMember(const std::function<void()>& what) {
@@ -68,6 +80,8 @@ struct Hand {
   FakeLines lines{clock};
   std::unique_ptr<LaserGate> gate;
   std::atomic<bool> forbidden{false};
+  std::unique_ptr<Safety> safety;
+  std::vector<std::string> notes;  // of the manual thread: to be read at rest
   std::unique_ptr<ManualControl> manual;
 };
 
@@ -299,6 +313,84 @@ TEST(ManualControl, AfterAStopTheLeaseGoesOn) {
   EXPECT_FALSE(hand.lamps.anything_on());
   ASSERT_EQ(hand.manual->SetLamp(1, 0).get(), OkStatus());
   EXPECT_TRUE(hand.lamps.anything_on());
+}
+
+// Somebody says stop to Safety, or it trips, while an axis jogs and a lamp burns: both end at once,
+// whoever holds the button is told why and must let go, and a note says it.
+class ManualControlSafety : public ::testing::TestWithParam<bool> {};
+TEST_P(ManualControlSafety, EndsWhatIsDoneByHandAndSaysWhy) {
+  const bool trips = GetParam();
+  Hand hand(SmallRig(), true);
+  const std::string why = trips ? "safety: door" : "stopped: a hand in the rig";
+  hand.manual->Admit(1);
+  ASSERT_EQ(hand.manual->Home(1, 0).get(), OkStatus());
+  ASSERT_EQ(hand.manual->SetLamp(1, 0).get(), OkStatus());
+  hand.AsMember([&] {
+    for (int i = 0; i < 4; ++i) {
+      EXPECT_EQ(hand.manual->Jog(1, 0, RadFromDeg(5)), OkStatus());
+      hand.clock.SleepFor(50 * kMs);
+    }
+    EXPECT_TRUE(hand.axes[0]->Read().moving);
+    if (trips) {
+      hand.lines.Set(hand.rig.lines.door, false);
+    } else {
+      EXPECT_EQ(hand.safety->StopNow(why), OkStatus());
+    }
+    hand.clock.SleepFor(1 * kMs);
+    EXPECT_FALSE(hand.axes[0]->Read().moving);
+    EXPECT_FALSE(hand.axes[0]->Read().enabled);
+    EXPECT_FALSE(hand.lamps.anything_on());
+    const Status told = hand.manual->Jog(1, 0, RadFromDeg(5));
+    EXPECT_TRUE(absl::IsCancelled(told)) << told;
+    EXPECT_EQ(Text(told), why);
+    hand.clock.SleepFor(50 * kMs);
+    EXPECT_FALSE(hand.axes[0]->Read().moving) << "the button is still held";
+    EXPECT_EQ(hand.manual->GetStatus().doing, "");
+  });
+  EXPECT_TRUE(hand.manual->GetStatus().open) << "the lease goes on";
+  const Status next = hand.manual->SetLamp(1, 0).get();
+  EXPECT_EQ(next.ok(), !trips) << next;
+  if (trips) {
+    EXPECT_THAT(Text(next), HasSubstr("door (line 1) is open"));
+  }
+  hand.manual->Close(1, "the end");
+  hand.ExpectOff();
+  EXPECT_THAT(hand.notes, ::testing::Contains("by hand: everything is off: " + why).Times(1));
+}
+INSTANTIATE_TEST_SUITE_P(How, ManualControlSafety, ::testing::Bool(),
+                         [](const auto& how) { return how.param ? "Trip" : "Stop"; });
+
+// Nobody commands anything, and the lease goes on: that is no hang.
+TEST(ManualControl, ALampBurnsAsLongAsTheLease) {
+  Hand hand(SmallRig(), true);
+  hand.manual->Admit(1);
+  ASSERT_EQ(hand.manual->Home(1, 0).get(), OkStatus());
+  ASSERT_EQ(hand.manual->SetLamp(1, 0).get(), OkStatus());
+  hand.AsMember([&] { hand.clock.SleepFor(60'000 * kMs); });
+  EXPECT_TRUE(hand.lamps.anything_on());
+  EXPECT_EQ(hand.safety->Permit(), OkStatus());
+  hand.manual->Close(1, "the end");
+  hand.ExpectOff();
+}
+
+TEST(ManualControl, AStopEndsAMoveAndTheLaserWithItsReason) {
+  for (const bool shines : {false, true}) {
+    Hand hand(SmallLaserRig(), true);
+    hand.manual->Admit(1);
+    ASSERT_EQ(hand.manual->Home(1, 0).get(), OkStatus());
+    std::future<Status> done;
+    hand.AsMember([&] {
+      done = shines ? hand.manual->TestLaser(1, 10) : hand.manual->MoveTo(1, 0, RadFromDeg(90));
+      hand.clock.SleepFor(300 * kMs);
+      EXPECT_EQ(hand.safety->StopNow("stopped: enough"), OkStatus());
+      hand.clock.SleepFor(FromSeconds(kLaserOneShot_s) + kMs);
+      EXPECT_FALSE(hand.axes[0]->Read().moving);
+      EXPECT_FALSE(hand.lines.lit());
+    });
+    const Status ended = done.get();
+    EXPECT_TRUE(absl::IsCancelled(ended)) << ended;
+    EXPECT_EQ(Text(ended), "stopped: enough");
+  }
 }
 
 TEST(ManualControl, ADeviceThatFailsEndsItsOrderAndIsSwitchedOff) {

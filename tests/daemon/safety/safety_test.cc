@@ -190,13 +190,20 @@ TEST_F(SafetyTest, AMemberThatHangsOnTheHostClockIsFound) {
 TEST_F(SafetyTest, StopNeedsNobody) {
   TurnOn();
   std::atomic<int> heard{0};
-  safety_->OnStop([&](std::string_view reason) { heard += reason == "a hand"; });
+  const Subscription stops =
+      safety_->OnStop([&](std::string_view reason) { heard += reason == "a hand"; });
   // Whoever holds what it likes: a stop comes from another thread, and this one is busy.
   auto stopped = std::async(std::launch::async, [&] { return safety_->StopNow("a hand"); });
   EXPECT_EQ(stopped.get(), OkStatus());
   EXPECT_EQ(heard, 1);
   ExpectOff();
   EXPECT_EQ(safety_->stops(), 1u);
+  {
+    const Subscription brief = safety_->OnStop([&](std::string_view) { heard += 100; });
+  }
+  auto again = std::async(std::launch::async, [&] { return safety_->StopNow("a hand"); });
+  EXPECT_EQ(again.get(), OkStatus());
+  EXPECT_EQ(heard, 2) << "who does not hold his subscription is not called";
   EXPECT_EQ(WhyNot(), "") << "a stop is no trip";
   EXPECT_THAT(log_.operations(), Contains("arc quick stop"));
 }
@@ -218,7 +225,8 @@ TEST_F(SafetyTest, NoLaserBesideMotionAndNoMotionBesideLaser) {
 
 TEST_F(SafetyTest, ATripIsToldOnce) {
   std::vector<std::string> trips;
-  safety_->OnTrip([&](const std::string& trip) { trips.push_back(trip); });
+  const Subscription heard =
+      safety_->OnTrip([&](std::string_view trip) { trips.emplace_back(trip); });
   lines_.Set(rig_.lines.door, false);
   lines_.Set(rig_.lines.estop, false);
   Pass(1);
