@@ -116,7 +116,7 @@ class ManualControlImpl final : public ManualControl {
   mutable Mutex listener_mutex_;
   std::function<void(const std::string&)> listener_ GUARDED_BY(listener_mutex_);
   RigThread thread_;
-  Subscription stops_heard_, trips_heard_;
+  Listening stops_heard_, trips_heard_;
 };
 
 }  // namespace mesorig::daemon

@@ -79,7 +79,7 @@ class SequencerImpl final : public Sequencer {
   mutable Mutex listener_mutex_;
   std::function<void(const SequencerEvent&)> listener_ GUARDED_BY(listener_mutex_);
   RigThread thread_;
-  const Subscription stops_;
+  const Listening stops_;
 };
 
 std::unique_ptr<Safety> MakeSafety(RigClock& clock, const Rig& rig, const Devices& devices) {

@@ -1,7 +1,8 @@
 #include "daemon/safety/lamp_hours.h"
 
 #include <charconv>
-#include <cmath>
+#include <numeric>
+#include <set>
 
 #include "protocol/base/file_writer.h"
 #include "protocol/base/log.h"
@@ -11,6 +12,10 @@ namespace {
 
 constexpr std::string_view kHeader = "lamp\thours";
 constexpr double kMostHours = 1e7;
+
+double Sum(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0);
+}
 
 }  // namespace
 
@@ -27,7 +32,14 @@ LampHours::~LampHours() {
 
 Status LampHours::Keep(const std::filesystem::path& file) {
   if (thread_.joinable()) return FailedPrecondition("lamp-hours are kept in {}", file_.string());
-  if (std::filesystem::exists(file)) MESORIG_RETURN_IF_ERROR(Read(file));
+  if (std::filesystem::exists(file)) {
+    MESORIG_ASSIGN_OR_RETURN(Stored stored, Read(file));
+    const std::lock_guard lock(mutex_);
+    // (What has burnt already is not in the file.)
+    written_h_ = Sum(stored.hours);
+    for (size_t i = 0; i < hours_.size(); ++i) hours_[i] += stored.hours[i];
+    others_ = std::move(stored.others);
+  }
   std::error_code ignored;  // writing says what is wrong
   std::filesystem::create_directories(file.parent_path(), ignored);
   file_ = file;
@@ -35,9 +47,10 @@ Status LampHours::Keep(const std::filesystem::path& file) {
   return OkStatus();
 }
 
-Status LampHours::Read(const std::filesystem::path& file) {
+StatusOr<LampHours::Stored> LampHours::Read(const std::filesystem::path& file) const {
   MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(file, 1u << 20));
-  const std::lock_guard lock(mutex_);
+  Stored stored{std::vector<double>(hours_.size()), {}};
+  std::set<std::string> seen;
   int number = 0;
   for (size_t at = 0; at < text.size();) {
     const size_t end = std::min(text.find('\n', at), text.size());
@@ -57,14 +70,23 @@ Status LampHours::Read(const std::filesystem::path& file) {
       return InvalidArgument("{}:{}: \"{}\" is not LAMP<tab>HOURS with hours in [0, {:g}]",
                              file.string(), number, line, kMostHours);
     }
-    const auto lamp = rig_.FindLamp(line.substr(0, tab));
+    const std::string name = line.substr(0, tab);
+    if (!seen.insert(name).second) {
+      return InvalidArgument("{}:{}: lamp \"{}\" is there twice", file.string(), number, name);
+    }
+    const auto lamp = rig_.FindLamp(name);
     if (lamp) {
-      hours_[static_cast<size_t>(*lamp)] = hours;
+      stored.hours[static_cast<size_t>(*lamp)] = hours;
     } else {
-      others_.push_back(line);
+      stored.others.push_back(line);
     }
   }
-  return OkStatus();
+  if (number == 0) return InvalidArgument("{}: is empty", file.string());
+  for (const Lamp& lamp : rig_.lamps) {
+    if (seen.contains(lamp.name)) continue;
+    Log("safety").warn("{}: lamp {} is not there: counted from 0", file.string(), lamp.name);
+  }
+  return stored;
 }
 
 std::vector<double> LampHours::HoursLocked(RigTime now) const {
@@ -75,12 +97,28 @@ std::vector<double> LampHours::HoursLocked(RigTime now) const {
   return hours;
 }
 
+double LampHours::UnwrittenLocked() const {
+  return 3600 * (Sum(HoursLocked(latest_)) - written_h_);
+}
+
+double LampHours::Unwritten_s() const {
+  const std::lock_guard lock(mutex_);
+  return UnwrittenLocked();
+}
+
 void LampHours::Burn(int lamp, RigTime now) {
   const std::lock_guard lock(mutex_);
   hours_ = HoursLocked(now);
-  changed_ |= burning_ >= 0 || lamp >= 0;
   burning_ = lamp;
-  since_ = now;
+  since_ = latest_ = now;
+}
+
+void LampHours::Tick(RigTime now) {
+  const std::lock_guard lock(mutex_);
+  latest_ = std::max(latest_, now);
+  if (due_ || UnwrittenLocked() < Seconds(kWrite)) return;
+  due_ = true;
+  wake_.notify_all();
 }
 
 std::vector<double> LampHours::Hours(RigTime now) const {
@@ -103,20 +141,23 @@ std::vector<std::string> LampHours::Overdue(RigTime now) const {
 void LampHours::WriteLoop() {
   std::unique_lock lock(mutex_);
   for (bool last = false; !last;) {
-    wake_.wait_for(lock, kWrite, [&] { return ending_; });
+    wake_.wait_for(lock, kWriteHost, [&] { return ending_ || due_; });
     last = ending_;
-    if (!std::exchange(changed_, burning_ >= 0)) continue;
+    const std::vector<double> hours = HoursLocked(latest_);
+    due_ = false;
+    if (!(Sum(hours) > written_h_)) continue;
     std::string text = std::string(kHeader) + "\n";
-    // (While it burns, as far as is counted: up to the last switch.)
-    for (size_t i = 0; i < hours_.size(); ++i) {
-      text += fmt::format("{}\t{:.6f}\n", rig_.lamps[i].name, hours_[i]);
+    for (size_t i = 0; i < hours.size(); ++i) {
+      text += fmt::format("{}\t{:.6f}\n", rig_.lamps[i].name, hours[i]);
     }
     for (const std::string& other : others_) text += other + "\n";
     lock.unlock();
     const Status written = WriteFileAtomically(file_, text);
     if (!written.ok()) Log("safety").error("lamp-hours: {}", Message(written));
     lock.lock();
-    changed_ |= !written.ok();
+    if (written.ok()) written_h_ = Sum(hours);
+    // (A disk that takes nothing is tried again at the next pause.)
+    if (!written.ok() && !ending_) wake_.wait_for(lock, kWriteHost, [&] { return ending_; });
   }
 }
 

@@ -17,38 +17,50 @@
 
 namespace mesorig::daemon {
 
-// Thread-safe; takes only its own lock. A thread of its own writes the file every kWrite of host
-// time while a lamp burns or has burnt, and at the end: a kill costs that much at most. Counting
-// itself never waits for the disk.
+// Thread-safe; takes only its own lock. A thread of its own writes the file when kWrite of burning
+// (rig time) is not in it, or kWriteHost after a change, and at the end. Counting itself never waits
+// for the disk: a kill costs kWrite of burning, and what burns while the disk takes a write: 60 s
+// at most on a disk that takes it within 30 s.
 class LampHours {
  public:
-  static constexpr std::chrono::seconds kWrite{60};
+  static constexpr RigTime kWrite = std::chrono::seconds(30);
+  static constexpr std::chrono::seconds kWriteHost{60};
 
   explicit LampHours(const Rig& rig);  // borrowed
   ~LampHours();
 
   // Reads the file, when there is one, and keeps it from now on. InvalidArgument names file, line
-  // and value; Unavailable: it cannot be read.
+  // and value, Unavailable: it cannot be read; then it is left as it is, and nothing is counted on.
   Status Keep(const std::filesystem::path& file);
   // This lamp burns from now on, alone; -1: none.
   void Burn(int lamp, RigTime now);
+  // Time has passed: to be called every second or more often.
+  void Tick(RigTime now);
   std::vector<double> Hours(RigTime now) const;  // per Rig::lamps
+  // Counted, and not in the file.
+  double Unwritten_s() const;
   // "lamp L0 has burnt 1020.0 h of the 1000 h that it is rated for": one a lamp; empty without the
   // rig file's rated_hours.
   std::vector<std::string> Overdue(RigTime now) const;
 
  private:
-  Status Read(const std::filesystem::path& file);
+  struct Stored {
+    std::vector<double> hours;
+    std::vector<std::string> others;
+  };
+  StatusOr<Stored> Read(const std::filesystem::path& file) const;
   void WriteLoop();
   std::vector<double> HoursLocked(RigTime now) const;
+  double UnwrittenLocked() const;  // s, as far as Tick and Burn told
 
   const Rig& rig_;
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::vector<double> hours_;
   int burning_ = -1;
-  RigTime since_{};
-  bool changed_ = false, ending_ = false;
+  RigTime since_{}, latest_{};  // of the lamp that burns; the last Tick or Burn
+  double written_h_ = 0;        // of all lamps together, in the file
+  bool due_ = false, ending_ = false;
   std::filesystem::path file_;
   std::vector<std::string> others_;  // lines of lamps that this rig has not
   std::thread thread_;

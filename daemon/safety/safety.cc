@@ -39,8 +39,12 @@ RigTime AliveLimit(const Rig& rig) {
   return FromSeconds(Safety::kAlive_s + longest_s);
 }
 
-bool AnyLit(const std::vector<double>& levels) {
-  return std::any_of(levels.begin(), levels.end(), [](double level) { return level > kDark; });
+// A lamp that shines and is not the one asked for; -1: none.
+int LitUnasked(const std::vector<double>& levels, int asked) {
+  for (size_t i = 0; i < levels.size(); ++i) {
+    if (static_cast<int>(i) != asked && levels[i] > kDark) return static_cast<int>(i);
+  }
+  return -1;
 }
 
 }  // namespace
@@ -109,7 +113,7 @@ Safety::~Safety() {
 // --- What may be energised ---------------------------------------------------------------------
 
 bool Safety::EnergisedInsideChange() const {
-  const bool asked = light_asked_ || (gate_ != nullptr && gate_->OpenInsideChange()) ||
+  const bool asked = lamp_asked_ >= 0 || (gate_ != nullptr && gate_->OpenInsideChange()) ||
                      std::find(torque_asked_.begin(), torque_asked_.end(), true) !=
                          torque_asked_.end();
   const bool read_back = seen_.laser_on || flags_.light_stuck ||
@@ -154,6 +158,7 @@ void Safety::StepInsideChange(bool reset_edge, bool console_reset) {
 }
 
 std::string Safety::CauseInsideChange(TripCause cause) const {
+  if (cause == TripCause::kLight && !light_.empty()) return fmt::format("safety: {}", light_);
   if (cause == TripCause::kHot && !heat_.empty()) return fmt::format("safety: {}", heat_);
   if (cause == TripCause::kHung && !hang_.empty()) return fmt::format("safety: {}", hang_);
   if (cause == TripCause::kPower) {
@@ -231,12 +236,12 @@ void Safety::AskLight(int lamp) {
   const RigTime now = clock_.Now();
   hours_.Burn(lamp, now);
   clock_.Change([&] {
-    light_asked_ = lamp >= 0;
-    alive_until_ = std::max(alive_until_, now);
-    if (!light_asked_) {
-      flags_.light_stuck = false;
+    if (lamp != lamp_asked_) {
       dark_at_ = now + FromSeconds(kLightStuck_s + 2 * MaxSettle_s(rig_));
+      flags_.light_stuck = false;
     }
+    lamp_asked_ = lamp;
+    alive_until_ = std::max(alive_until_, now);
     StepInsideChange(false, false);
   });
 }
@@ -283,6 +288,7 @@ void Safety::Watch() {
       polled_.notify_all();
     }
     const RigTime now = clock_.Now();
+    hours_.Tick(now);
     due = now - now % period + kPhase;
     if (due <= now) due += period;
   }
@@ -357,7 +363,14 @@ void Safety::PollLamps(RigTime now) {
     seen_.lamp_level = readings->levels;
     seen_.housing_c = readings->housing_c;
     seen_.lamps_read_at = now;
-    flags_.light_stuck = !light_asked_ && now >= dark_at_ && AnyLit(readings->levels);
+    const int lit = LitUnasked(readings->levels, lamp_asked_);
+    flags_.light_stuck = now >= dark_at_ && lit >= 0;
+    if (flags_.light_stuck) {
+      light_ = fmt::format(
+          "lamp {} is lit, level {:.3f}, and nobody asked for it; if it stays so, the emergency stop "
+          "cuts its supply",
+          rig_.lamps[lit].name, readings->levels[lit]);
+    }
     for (size_t i = 0; i < readings->housing_c.size() && limit_c > 0; ++i) {
       if (readings->housing_c[i] <= limit_c) continue;
       heat_ = fmt::format("lamp {}: its housing has {:.1f} degrees C, permitted are {:g}",

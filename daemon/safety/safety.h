@@ -31,9 +31,9 @@
 #include "daemon/safety/interlock_chain.h"
 #include "daemon/safety/lamp_hours.h"
 #include "daemon/safety/laser_gate.h"
+#include "daemon/safety/listeners.h"
 #include "daemon/safety/persists.h"
 #include "daemon/safety/safety_logic.h"
-#include "daemon/safety/subscribers.h"
 #include "protocol/rig/rig.h"
 
 namespace mesorig::daemon {
@@ -99,12 +99,12 @@ class Safety {
   Status StopNow(std::string_view reason);
   // Called by each StopNow, before anything is switched off, on the stop thread: takes no lock but
   // the clock's, and makes whoever energises stop.
-  Subscription OnStop(std::function<void(std::string_view reason)> hear) {
+  Listening OnStop(std::function<void(std::string_view reason)> hear) {
     return on_stop_.Add(std::move(hear));
   }
   // Called once for each trip, on the watch, after the energy is gone: returns quickly, and does
   // not wait on the rig clock.
-  Subscription OnTrip(std::function<void(std::string_view reason)> hear) {
+  Listening OnTrip(std::function<void(std::string_view reason)> hear) {
     return on_trip_.Add(std::move(hear));
   }
   uint64_t stops() const;  // a manual motion that began before the last one has ended
@@ -172,16 +172,17 @@ class Safety {
   SafetyOutputs outputs_;
   SafetyState seen_;
   std::vector<bool> torque_asked_;
-  bool light_asked_ = false, hangs_ = false, ending_ = false;
+  int lamp_asked_ = -1;  // index into Rig::lamps
+  bool hangs_ = false, ending_ = false;
   int stopping_ = 0;  // orders that are being carried out
   bool act_ = false;  // the watch is wanted at once
   uint64_t polls_wanted_ = 0;
   RigTime alive_until_{}, dark_at_{};  // when light that went off must be gone
-  std::string hang_, heat_;
+  std::string hang_, heat_, light_;
   std::vector<std::string> untold_;  // trips
   Persists power_lost_, contactor_stuck_, motion_stuck_, laser_stuck_;
 
-  Subscribers on_stop_, on_trip_;
+  SafetyListeners on_stop_, on_trip_;
   RigTime lamps_due_{};  // of the watch
   std::atomic<uint64_t> polls_done_{0};
   std::unique_ptr<LaserGate> gate_;

@@ -4,12 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <condition_variable>
 #include <thread>
 
 #include "protocol/base/digest.h"
-#include "tests/daemon/fakes/fake_session.h"
-#include "tests/daemon/fakes/sim_bench.h"
+#include "tests/daemon/fakes/session_bench.h"
 
 namespace mesorig::daemon {
 namespace {
@@ -17,41 +15,7 @@ namespace {
 using std::chrono::milliseconds;
 using ::testing::HasSubstr;
 
-class Bench : public SimBench {
- public:
-  Bench() {
-    sequencer->OnEvent([this](const SequencerEvent& event) {
-      std::lock_guard lock(mutex_);
-      if (event.kind != SequencerEvent::Kind::kEnded) return;
-      ended_ = event;
-      condition_.notify_all();
-    });
-  }
-  ~Bench() { sequencer.reset(); }
-  SequencerEvent Run(const CompiledPlan& plan) {
-    session->Expect(plan);
-    EXPECT_EQ(sequencer->Begin(SequencerCommand::kRun, {plan, session}), OkStatus());
-    std::unique_lock lock(mutex_);
-    condition_.wait(lock, [&] { return ended_.has_value(); });
-    return *ended_;
-  }
-  void ExpectAtRest() {
-    sim.Exclusive([&](RigTime now) {
-      for (const double level : sim.lamps.CommandedLevels()) EXPECT_EQ(level, 0);
-      for (size_t i = 0; i < rig.axes.size(); ++i) {
-        EXPECT_FALSE(sim.can.node(i).torque_on()) << i;
-        EXPECT_FALSE(sim.can.node(i).Moving(now)) << i;
-      }
-    });
-  }
-
-  std::shared_ptr<FakeSession> session = std::make_shared<FakeSession>();
-
- private:
-  std::mutex mutex_;
-  std::condition_variable condition_;
-  std::optional<SequencerEvent> ended_;
-};
+using Bench = SessionBench;
 
 std::string History(const Bench& bench) {
   std::string history;

@@ -11,11 +11,11 @@
 
 namespace mesorig::daemon {
 
-// The small rig.
+// The small rig, or another one without a laser.
 class SimBench {
  public:
-  explicit SimBench(std::vector<sim_wire::TimedInjection> script = {})
-      : sim(rig, std::move(script)) {
+  explicit SimBench(std::vector<sim_wire::TimedInjection> script = {}, Rig description = SmallRig())
+      : rig(std::move(description)), sim(rig, std::move(script)) {
     for (size_t i = 0; i < rig.axes.size(); ++i) {
       axes_.push_back(MakeAxis("cia402", end.context, static_cast<int>(i)).value());
       devices_.axes.push_back(axes_.back().get());
@@ -33,7 +33,7 @@ class SimBench {
         Sequencer::Create(*end.link, rig, devices_, [this] { return end.link->deterministic(); });
   }
 
-  const Rig rig = SmallRig();
+  const Rig rig;
   SimRig sim;
   RigEnd end{sim, rig};
 

@@ -7,7 +7,6 @@
 #include <atomic>
 #include <future>
 
-#include "protocol/base/file_writer.h"
 #include "tests/daemon/fakes/fake_devices.h"
 #include "tests/daemon/fakes/fake_rig_clock.h"
 #include "tests/daemon/fakes/small_rig.h"
@@ -190,7 +189,7 @@ TEST_F(SafetyTest, AMemberThatHangsOnTheHostClockIsFound) {
 TEST_F(SafetyTest, StopNeedsNobody) {
   TurnOn();
   std::atomic<int> heard{0};
-  const Subscription stops =
+  const Listening stops =
       safety_->OnStop([&](std::string_view reason) { heard += reason == "a hand"; });
   // Whoever holds what it likes: a stop comes from another thread, and this one is busy.
   auto stopped = std::async(std::launch::async, [&] { return safety_->StopNow("a hand"); });
@@ -199,11 +198,11 @@ TEST_F(SafetyTest, StopNeedsNobody) {
   ExpectOff();
   EXPECT_EQ(safety_->stops(), 1u);
   {
-    const Subscription brief = safety_->OnStop([&](std::string_view) { heard += 100; });
+    const Listening brief = safety_->OnStop([&](std::string_view) { heard += 100; });
   }
   auto again = std::async(std::launch::async, [&] { return safety_->StopNow("a hand"); });
   EXPECT_EQ(again.get(), OkStatus());
-  EXPECT_EQ(heard, 2) << "who does not hold his subscription is not called";
+  EXPECT_EQ(heard, 2) << "who listens no more is not called";
   EXPECT_EQ(WhyNot(), "") << "a stop is no trip";
   EXPECT_THAT(log_.operations(), Contains("arc quick stop"));
 }
@@ -225,7 +224,7 @@ TEST_F(SafetyTest, NoLaserBesideMotionAndNoMotionBesideLaser) {
 
 TEST_F(SafetyTest, ATripIsToldOnce) {
   std::vector<std::string> trips;
-  const Subscription heard =
+  const Listening heard =
       safety_->OnTrip([&](std::string_view trip) { trips.emplace_back(trip); });
   lines_.Set(rig_.lines.door, false);
   lines_.Set(rig_.lines.estop, false);
@@ -234,41 +233,6 @@ TEST_F(SafetyTest, ATripIsToldOnce) {
   safety_.reset();
   ASSERT_EQ(trips.size(), 1u);
   EXPECT_THAT(trips[0], HasSubstr("door"));
-}
-
-TEST(LampHours, AreCountedAndKept) {
-  Rig rig = SmallRig();
-  rig.lamp_bank.rated_hours = 10;
-  const auto file =
-      std::filesystem::temp_directory_path() / fmt::format("mesorig-hours-{}", ::getpid());
-  std::filesystem::remove(file);
-  {
-    LampHours hours(rig);
-    ASSERT_EQ(hours.Keep(file), OkStatus());
-    hours.Burn(1, FromSeconds(100));
-    hours.Burn(0, FromSeconds(100 + 3600 * 12));
-    hours.Burn(-1, FromSeconds(100 + 3600 * 13));
-    EXPECT_THAT(hours.Hours(FromSeconds(1e6)), ::testing::ElementsAre(1, 12));
-  }
-  LampHours again(rig);
-  ASSERT_EQ(again.Keep(file), OkStatus());
-  EXPECT_THAT(again.Hours({}), ::testing::ElementsAre(1, 12));
-  ASSERT_EQ(again.Overdue({}).size(), 1u);
-  EXPECT_THAT(again.Overdue({})[0], HasSubstr("lamp L1 has burnt 12.0 h of the 10 h"));
-  // Damage of the file is told, and nothing crashes.
-  const std::string text = ReadFile(file).value();
-  for (size_t at = 0; at < text.size(); ++at) {
-    for (const char byte : {'\0', '\t', '\n', '-', 'x'}) {
-      std::string damaged = text.substr(0, at) + byte + text.substr(at + 1);
-      if (byte == '\0') damaged = text.substr(0, at);
-      ASSERT_EQ(WriteFileAtomically(file, damaged), OkStatus());
-      LampHours damaged_hours(rig);
-      const Status kept = damaged_hours.Keep(file);
-      EXPECT_TRUE(kept.ok() || absl::IsInvalidArgument(kept)) << kept;
-      for (const double h : damaged_hours.Hours({})) EXPECT_TRUE(h >= 0 && h <= 1e7);
-    }
-  }
-  std::filesystem::remove(file);
 }
 
 }  // namespace
