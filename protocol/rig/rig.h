@@ -130,9 +130,10 @@ struct Laser {
 struct LampBank {
   int unit = 1;          // Modbus unit id
   double timeout_s = 0;  // communication-loss timeout: all lamps off
-  // Of every lamp's housing, which the bank measures (input registers after those of the flux,
-  // tenths of a degree); 0: it does not.
-  double max_housing_c = 0;
+  // The bank measures the temperature of every lamp's housing (input registers after those of the
+  // flux, tenths of a degree).
+  bool housing_temperatures = false;
+  double max_housing_c = 0;  // of those; 0: no limit
   double rated_hours = 0;  // of a bulb; 0: not told
 };
 

@@ -267,7 +267,14 @@ StatusOr<Rig> ParseRig(std::string_view text, std::string_view name) {
   TomlTable bank = root.Table("lamp_bank");
   rig.lamp_bank.unit = static_cast<int>(bank.Integer("unit", {1, 247}));
   rig.lamp_bank.timeout_s = bank.Number("timeout_s", {0.05, 60});
-  if (bank.Has("max_housing_c")) rig.lamp_bank.max_housing_c = bank.Number("max_housing_c", {30, 1000});
+  rig.lamp_bank.housing_temperatures = bank.BoolOr("housing_temperatures", false);
+  if (bank.Has("max_housing_c")) {
+    rig.lamp_bank.max_housing_c = bank.Number("max_housing_c", {30, 1000});
+    if (!rig.lamp_bank.housing_temperatures) {
+      bank.Error("max_housing_c",
+                 "limits what the bank does not measure (`housing_temperatures = true` says that it does)");
+    }
+  }
   if (bank.Has("rated_hours")) rig.lamp_bank.rated_hours = bank.Number("rated_hours", {1, 1e6});
   ReadLines(root.Table("lines"), rig.lines);
   ReadLaserSection(root, rig);

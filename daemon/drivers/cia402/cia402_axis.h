@@ -3,7 +3,7 @@
 //
 // Positions on the wire are counts = rad / (2 pi) * counts_per_turn; velocities counts/s,
 // accelerations counts/s^2. Owned by one rig thread; what the bus thread stores is guarded by the
-// clock's lock.
+// clock's lock. The soft limits are the drive's as well (0x607D), read back at each Enable.
 
 #include <cstdint>
 #include <optional>
@@ -64,6 +64,7 @@ class Cia402Axis final : public Axis {
   Status NoticeRestart();
   uint32_t ConsumerHeartbeat() const;
   Status WriteSettings();
+  Status WriteLimits();
   Status ReachOperationEnabled();
   // One controlword by SDO, then until the state is another one.
   Status Transition(uint16_t controlword, DriveState from, Heed heed);

@@ -25,6 +25,8 @@ inline constexpr Object kStatusword{0x6041, 0, 2, "statusword"};
 inline constexpr Object kModeOfOperation{0x6060, 0, 1, "modes of operation"};
 inline constexpr Object kActualPosition{0x6064, 0, 4, "position actual value"};
 inline constexpr Object kFollowingErrorWindow{0x6065, 0, 4, "following error window"};
+inline constexpr Object kLowerLimit{0x607D, 1, 4, "software position limit: min"};
+inline constexpr Object kUpperLimit{0x607D, 2, 4, "software position limit: max"};
 inline constexpr Object kProfileVelocity{0x6081, 0, 4, "profile velocity"};
 inline constexpr Object kProfileAcceleration{0x6083, 0, 4, "profile acceleration"};
 inline constexpr Object kProfileDeceleration{0x6084, 0, 4, "profile deceleration"};
@@ -42,6 +44,7 @@ inline constexpr uint16_t kStartBit = 0x0010;  // new set-point; homing start
 
 // Statusword bits.
 inline constexpr uint16_t kTargetReached = 1 << 10;
+inline constexpr uint16_t kInternalLimit = 1 << 11;  // the set-point was beyond a limit
 inline constexpr uint16_t kSetPointAcknowledged = 1 << 12;  // profile position
 inline constexpr uint16_t kHomingAttained = 1 << 12;        // homing
 inline constexpr uint16_t kFollowingError = 1 << 13;         // profile position

@@ -15,7 +15,7 @@ constexpr uint16_t kLargestFlux = 2000;  // a new lamp is a little over its rati
 }  // namespace
 
 ModbusLamps::ModbusLamps(ModbusBus& bus, const Rig& rig)
-    : bus_(bus), measures_heat_(rig.lamp_bank.max_housing_c > 0) {
+    : bus_(bus), measures_heat_(rig.lamp_bank.housing_temperatures) {
   for (const Lamp& lamp : rig.lamps) {
     channel_of_lamp_.push_back(lamp.channel);
     channels_ = std::max(channels_, lamp.channel + 1);
@@ -26,7 +26,13 @@ ModbusLamps::~ModbusLamps() {
   if (const Status status = AllOff(); !status.ok()) Log("drivers").error("{}", Message(status));
 }
 
-Status ModbusLamps::Open() { return ReadLevels().status(); }
+Status ModbusLamps::Open() {
+  MESORIG_RETURN_IF_ERROR(ReadLevels().status());
+  if (!measures_heat_ || channels_ == 0) return OkStatus();
+  const auto registers = bus_.ReadInputRegisters(channels_, channels_);
+  return Annotate(registers.status(), "lamp bank: temperatures of the housings "
+                                      "(lamp_bank.housing_temperatures)");
+}
 
 Status ModbusLamps::SwitchTo(int channel) {
   if (channel < -1 || channel >= channels_) {

@@ -58,6 +58,8 @@ class Cia402Node {
   int node() const { return axis_.can_node; }
 
  private:
+  // Manufacturer's object: where the reference was found by the count before it, counts.
+  static constexpr uint16_t kReferenceFound = 0x2001;
   enum class State {
     kSwitchOnDisabled,
     kReadyToSwitchOn,
@@ -110,6 +112,7 @@ class Cia402Node {
   double homing_velocity_ = 0;                         // of the leg under way
   bool homing_ = false, homing_attained_ = false, homing_error_ = false;
   bool target_reached_ = true, set_point_ack_ = false;
+  bool limited_ = false;            // the last set-point was beyond the limits 0x607D
   double lost_ = 0;                 // demand less encoder's side, counts
   double slip_ = 0;                 // world less encoder's side, since it last stood still
   std::optional<double> stuck_at_;  // world counts

@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
 #include <random>
 
+#include "daemon/drivers/cia402/sdo_client.h"
 #include "daemon/drivers/driver.h"
 #include "tests/daemon/fakes/fake_can_port.h"
 #include "tests/daemon/fakes/fake_rig_clock.h"
@@ -13,7 +15,8 @@
 namespace mesorig::daemon {
 namespace {
 
-// A node that agrees to everything, its frames mutated with a probability.
+// A node that agrees to everything and remembers what was written, its frames mutated with a
+// probability.
 class HostileNode {
  public:
   HostileNode(int node, uint32_t seed, int mutate_percent)
@@ -26,7 +29,9 @@ class HostileNode {
       const bool statusword = frame.data[1] == 0x41;
       reply.data[0] = upload ? (statusword ? 0x4B : 0x43) : 0x60;
       if (frame.data[1] == 0x40 && frame.data[2] == 0x60) Follow(frame.data[4]);
-      const uint32_t value = statusword ? statusword_ : 0;
+      const uint32_t object = cia402::GetLittle(frame, 1, 3);  // index and sub-index
+      if (!upload) written_[object] = cia402::GetLittle(frame, 4, 4);
+      const uint32_t value = statusword ? statusword_ : written_[object];
       for (int i = 0; upload && i < 4; ++i)
         reply.data[4 + i] = static_cast<uint8_t>(value >> 8 * i);
       said.push_back(reply);
@@ -75,6 +80,7 @@ class HostileNode {
   std::mt19937 random_;
   const int mutate_percent_;
   uint16_t statusword_ = 0x0650;
+  std::map<uint32_t, uint32_t> written_;
 };
 
 struct Outcome {

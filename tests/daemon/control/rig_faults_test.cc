@@ -70,6 +70,7 @@ TEST(RigFaults, AHotDriveEndsTheSessionUnlessItCools) {
 
 TEST(RigFaults, AHotHousingEndsTheSession) {
   Rig rig = SmallRig();
+  rig.lamp_bank.housing_temperatures = true;
   rig.lamp_bank.max_housing_c = 200;
   SessionBench bench({{kMidway, "lamps heat L1 260"}}, rig);
   const SequencerEvent end = bench.Run(SmallPlan(bench.rig));

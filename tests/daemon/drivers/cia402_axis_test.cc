@@ -84,6 +84,43 @@ TEST_F(Cia402AxisTest, SoftLimitsAndPreconditions) {
   EXPECT_NEAR(WorldCounts(), 0, 0.5);
 }
 
+// A set-point that became another one on its way: the drive itself goes no further than its limits.
+TEST_F(Cia402AxisTest, TheDriveHasTheSoftLimitsItself) {
+  for (const int32_t offset : {15000, -35000}) {
+    EnableAndHome();
+    ASSERT_EQ(axis_->StartMove(RadFromDeg(90)), OkStatus());
+    ASSERT_EQ(axis_->AwaitMove(Now() + seconds(5)), OkStatus());
+    sim_.can.target_offset = offset;  // to 240 deg, to -260 deg
+    ASSERT_EQ(axis_->StartMove(RadFromDeg(90)), OkStatus());
+    sim_.can.target_offset = 0;
+    const Status status = axis_->AwaitMove(Now() + seconds(10));
+    EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+    EXPECT_THAT(Text(status), HasSubstr("goes no further than its own limits (0x607D): commanded "
+                                        "90.0000 deg"));
+    end_.link->SleepFor(seconds(10));
+    EXPECT_EQ(std::abs(std::round(WorldCounts())), 18000) << "if nobody stops it, at the limit";
+    EXPECT_TRUE(absl::IsUnavailable(axis_->CheckHolds()));
+    ASSERT_EQ(axis_->StartMove(RadFromDeg(180)), OkStatus());
+    EXPECT_EQ(axis_->AwaitMove(Now() + seconds(10)), OkStatus()) << "the limit itself is permitted";
+    ASSERT_EQ(axis_->Disable(), OkStatus());
+  }
+}
+
+TEST_F(Cia402AxisTest, LimitsAreReadBack) {
+  sim_.can.deaf_index = 0x607D;
+  const Status deaf = axis_->Enable();
+  EXPECT_TRUE(absl::IsUnavailable(deaf)) << deaf;
+  EXPECT_THAT(Text(deaf), HasSubstr("axis turntable (node 5): software position limit: min reads "
+                                    "back as 0 counts (0.0000 deg), -18000 counts (-180.0000 deg)"));
+  sim_.can.deaf_index = 0;
+  sim_.can.abort_code = 0x06020000;
+  sim_.can.abort_index = 0x607D;
+  EXPECT_THAT(Text(axis_->Enable()), HasSubstr("0x607D:1 (software position limit: min): aborted"));
+  EXPECT_FALSE(TorqueOn());
+  sim_.can.abort_index = 0;
+  EXPECT_EQ(axis_->Enable(), OkStatus());
+}
+
 TEST_F(Cia402AxisTest, NoAnswerEndsAtItsDeadlineInVirtualTime) {
   sim_.can.mute = true;
   const RigTime start = Now();

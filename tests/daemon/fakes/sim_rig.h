@@ -35,15 +35,31 @@ class MeddledCan final : public sim_wire::SimDevice {
   std::atomic<bool> mute{false};         // nothing of what the daemon says arrives
   std::atomic<uint16_t> abort_index{0};  // SDO writes of this object are aborted with abort_code
   std::atomic<uint32_t> abort_code{0};
+  std::atomic<uint16_t> deaf_index{0};    // SDO writes of this object are answered and not heard
+  std::atomic<int32_t> target_offset{0};  // counts, added to each set-point on its way
   std::atomic<int> commands{0};
 
   std::string name() const override { return bus_.name(); }
   void Command(RigTime now, std::string_view payload, sim_wire::Outbox& out) override {
     ++commands;
     if (mute) return;
-    const auto frame = sim_wire::UnpackCanFrame(payload).value();
+    auto frame = sim_wire::UnpackCanFrame(payload).value();
+    if ((frame.id & 0x780) == 0x400 && target_offset != 0) {
+      uint32_t target = 0;
+      for (int i = 0; i < 4; ++i) target |= uint32_t{frame.data[2 + i]} << (8 * i);
+      target += static_cast<uint32_t>(target_offset.load());
+      for (int i = 0; i < 4; ++i) frame.data[2 + i] = static_cast<uint8_t>(target >> (8 * i));
+      return bus_.Command(now, sim_wire::Pack(frame), out);
+    }
     const auto index = static_cast<uint16_t>(frame.data[1] | frame.data[2] << 8);
-    if ((frame.id & 0x780) == 0x600 && frame.data[0] != 0x40 && index == abort_index) {
+    const bool writes = (frame.id & 0x780) == 0x600 && frame.data[0] != 0x40;
+    if (writes && deaf_index != 0 && index == deaf_index) {
+      sim_wire::CanFrame reply{static_cast<uint16_t>(frame.id - 0x80), 8, frame.data};
+      reply.data[0] = 0x60;
+      out.Send(sim_wire::Pack(reply));
+      return;
+    }
+    if (writes && index == abort_index) {
       sim_wire::CanFrame reply{static_cast<uint16_t>(frame.id - 0x80), 8, frame.data};
       reply.data[0] = 0x80;
       for (int i = 0; i < 4; ++i) reply.data[4 + i] = static_cast<uint8_t>(abort_code >> (8 * i));

@@ -54,6 +54,7 @@ class SafetyTest : public ::testing::Test {
 
   static Rig MakeRig() {
     Rig rig = SmallLaserRig();
+    rig.lamp_bank.housing_temperatures = true;
     rig.lamp_bank.max_housing_c = 200;
     return rig;
   }

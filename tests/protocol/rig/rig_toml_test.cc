@@ -146,6 +146,17 @@ TEST(RigToml, LimitsInOrder) {
               HasSubstr("max_exposure_s"));
 }
 
+TEST(RigToml, ALimitOfTemperaturesNeedsThem) {
+  const std::string said = ErrorOf(With("housing_temperatures = true", ""));
+  EXPECT_THAT(said, HasSubstr("max_housing_c"));
+  EXPECT_THAT(said, HasSubstr("housing_temperatures = true"));
+  EXPECT_EQ(said, ErrorOf(With("housing_temperatures = true", "housing_temperatures = false")));
+  const auto unlimited = ParseRig(With("max_housing_c = 200", ""), "rig.toml");
+  ASSERT_TRUE(unlimited.ok()) << unlimited.status();
+  EXPECT_TRUE(unlimited->lamp_bank.housing_temperatures);
+  EXPECT_EQ(unlimited->lamp_bank.max_housing_c, 0);
+}
+
 TEST(RigToml, MissingFileIsNamed) {
   const StatusOr<Rig> rig = LoadRig("/nowhere/rig.toml");
   ASSERT_FALSE(rig.ok());

@@ -140,6 +140,42 @@ TEST_F(NodeTest, ProfilePositionHandshakeAndTime) {
   EXPECT_EQ(said.back().id, 0x385);
 }
 
+TEST_F(NodeTest, GoesNoFurtherThanItsSoftwareLimits) {
+  Write(0x607D, 1, 4, static_cast<uint32_t>(-500));
+  Write(0x607D, 2, 4, 700);
+  StartUp();
+  HomeTheAxis();  // (from 1234 counts: the switch is sought wherever it is)
+  EXPECT_EQ(Status() & 0x0800, 0);
+  const struct {
+    int32_t target, reached;
+  } cases[] = {{700, 700}, {701, 700}, {-500, -500}, {-0x7FFFFFFF, -500}, {0x7FFFFFFF, 700}, {0, 0}};
+  for (const auto& [target, reached] : cases) {
+    Command(0x1F, target);
+    EXPECT_EQ((Status() & 0x0800) != 0, target != reached) << target << ": internal limit active";
+    Command(0x0F, target);
+    RunUntil(now_ + std::chrono::seconds(10));
+    EXPECT_EQ(static_cast<int32_t>(Read(0x6064)), reached) << target;
+    EXPECT_NE(Status() & 0x0400, 0);
+  }
+  Command(0x5F, 650);  // relative
+  Command(0x4F, 650);
+  RunUntil(now_ + std::chrono::seconds(10));
+  Command(0x5F, 650);
+  EXPECT_NE(Status() & 0x0800, 0);
+  RunUntil(now_ + std::chrono::seconds(10));
+  EXPECT_EQ(node_.WorldCounts(now_), 700);
+  Command(0x00);
+  EXPECT_EQ(Status() & 0x0800, 0);
+  Write(0x607D, 2, 4, static_cast<uint32_t>(-500));  // min not below max: none
+  Command(0x06);
+  Command(0x07);
+  Command(0x0F);
+  Command(0x1F, 5000);
+  EXPECT_EQ(Status() & 0x0800, 0);
+  RunUntil(now_ + std::chrono::seconds(10));
+  EXPECT_EQ(node_.WorldCounts(now_), 5000);
+}
+
 TEST_F(NodeTest, DoesNotMoveUnlessEnabled) {
   Send({0x000, 2, {0x01, 0x05}});
   Command(0x1F, 5000);
