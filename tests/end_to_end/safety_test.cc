@@ -1,11 +1,13 @@
-// kill -STOP and kill -9 of the daemon in the middle of a capture, by what the rig itself says:
-// until when were lamps, laser and torque on? Prints the table of docs/safety.md.
+// kill -STOP and kill -9 of the daemon in the middle of a capture, and while the laser shines beside a
+// lamp and torque, by what the rig itself says: until when was each on? Prints the table of
+// docs/safety.md.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <optional>
 #include <sstream>
@@ -19,7 +21,7 @@ namespace {
 struct RigState {
   std::map<std::string, double> changed_s;
   std::map<std::string, bool> on;
-  double now_s = 0;
+  double now_s = 0, injected_s = 0;  // of the last line, and of the last that says "injected"
   bool AnythingOn() const {
     for (const auto& [what, is] : on) {
       if (is) return true;
@@ -41,6 +43,7 @@ RigState ReadRig(const RunningRig& rig) {
     std::getline(fields, event, '\t');
     const bool energy = what == "laser" || what.starts_with("lamp ") || what.starts_with("torque ");
     state.now_s = std::stod(time);
+    if (what == "injected" || event == "injected") state.injected_s = state.now_s;
     if (!energy) continue;
     state.on[what] = event == "on";
     state.changed_s[what] = state.now_s;
@@ -48,18 +51,28 @@ RigState ReadRig(const RunningRig& rig) {
   return state;
 }
 
+bool IsOn(const RigState& state, std::string_view kind) {
+  return std::any_of(state.on.begin(), state.on.end(),
+                     [&](const auto& each) { return each.second && each.first.starts_with(kind); });
+}
+
 bool LampAndTorque(const RigState& state) {
-  bool lamp = false, torque = false;
-  for (const auto& [what, is] : state.on) {
-    lamp |= is && what.starts_with("lamp ");
-    torque |= is && what.starts_with("torque ");
+  return IsOn(state, "lamp ") && IsOn(state, "torque ");
+}
+
+// The rig's own log, until `what` holds or for 20 s of host time.
+bool AwaitRig(const RunningRig& rig, const std::function<bool(const RigState&)>& what) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (!what(ReadRig(rig))) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    PollPause();
   }
-  return lamp && torque;
+  return true;
 }
 
 // How long after the signal the last of each was on, s; nothing: something stays on, or was never.
 struct OffAfter {
-  double lamp_rig_s = 0, torque_rig_s = 0, all_host_s = 0;
+  double laser_rig_s = 0, lamp_rig_s = 0, torque_rig_s = 0, all_host_s = 0;
 };
 
 std::optional<OffAfter> Measure(int signal, const char* name) {
@@ -100,6 +113,74 @@ TEST(Safety, StoppedDaemon) {
   ASSERT_TRUE(off.has_value());
   EXPECT_LE(off->lamp_rig_s, 1.5) << "the bank's timeout";
   EXPECT_LE(off->torque_rig_s, 3) << "the drives' heartbeat and the quick stop";
+}
+
+// By hand, at the pace of the wall clock: an axis with torque, a lamp and the laser, all at once.
+// What is injected just before the signal changes nothing and leaves the rig's time in its log.
+std::optional<OffAfter> MeasureLaser(int signal, const char* name) {
+  RunningRig rig(false);
+  const auto log = rig.folder() / "lease.log";
+  const Service lease("mesorig", {"lease", "take", "--runtime-dir", rig.folder().path().string()},
+                      log);
+  if (!AwaitRig(rig, [&](const RigState&) {
+        return lease.Log().find("yours until") != std::string::npos;
+      })) {
+    ADD_FAILURE() << lease.Log();
+    return std::nullopt;
+  }
+  const std::string token = std::to_string(std::stoull(lease.Log().substr(6)));
+  for (std::vector<std::string> words :
+       {std::vector<std::string>{"axis", "turntable", "--home"}, {"lamp", "lamp0"}}) {
+    words.insert(words.end(), {"--lease", token});
+    const Outcome done = rig.Mesorig(words);
+    EXPECT_EQ(done.code, 0) << done.text;
+  }
+  const Service laser("mesorig",
+                      {"laser", "--for", "10", "--lease", token, "--runtime-dir",
+                       rig.folder().path().string()},
+                      rig.folder() / "laser.log");
+  if (!AwaitRig(rig, [](const RigState& state) {
+        return LampAndTorque(state) && IsOn(state, "laser");
+      })) {
+    ADD_FAILURE() << laser.Log();
+    return std::nullopt;
+  }
+  EXPECT_EQ(rig.Inject({"can", "turntable", "free"}).code, 0);
+  EXPECT_EQ(::kill(rig.daemon().pid(), signal), 0);
+  const auto since = std::chrono::steady_clock::now();
+  const bool off = AwaitRig(rig, [](const RigState& state) { return !state.AnythingOn(); });
+  OffAfter after;
+  after.all_host_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
+  if (signal == SIGSTOP) ::kill(rig.daemon().pid(), SIGKILL);
+  if (!off) return std::nullopt;
+  const RigState state = ReadRig(rig);
+  for (const auto& [what, when] : state.changed_s) {
+    double& latest = what.starts_with("torque") ? after.torque_rig_s
+                     : what == "laser"          ? after.laser_rig_s
+                                                : after.lamp_rig_s;
+    latest = std::max(latest, when - state.injected_s);
+  }
+  std::printf("| signal | laser off (rig) | lamps off (rig) | torque off (rig) | all off (host) |\n");
+  std::printf("| %s | %.2f s | %.2f s | %.2f s | %.2f s |\n", name, after.laser_rig_s,
+              after.lamp_rig_s, after.torque_rig_s, after.all_host_s);
+  return after;
+}
+
+// (The bounds leave room for the time from the injection to the signal.)
+TEST(Safety, KilledDaemonWhileTheLaserShines) {
+  const auto off = MeasureLaser(SIGKILL, "kill -9, laser");
+  ASSERT_TRUE(off.has_value());
+  EXPECT_LE(off->laser_rig_s, 1) << "the one-shot";
+  EXPECT_LE(off->lamp_rig_s, 2) << "the bank's timeout";
+  EXPECT_LE(off->torque_rig_s, 3) << "the drives' heartbeat";
+}
+
+TEST(Safety, StoppedDaemonWhileTheLaserShines) {
+  const auto off = MeasureLaser(SIGSTOP, "kill -STOP, laser");
+  ASSERT_TRUE(off.has_value());
+  EXPECT_LE(off->laser_rig_s, 1) << "the one-shot";
+  EXPECT_LE(off->lamp_rig_s, 2) << "the bank's timeout";
+  EXPECT_LE(off->torque_rig_s, 3) << "the drives' heartbeat";
 }
 
 // The rig that was just switched on: a person presses reset, then it runs.
