@@ -1,0 +1,57 @@
+#include <algorithm>
+
+#include "processing/codecs/encoder.h"
+#include "processing/codecs/linear/pack_factors.h"
+#include "processing/codecs/per_texel/encode_chain.h"
+
+namespace mesorig::codecs::cmf {
+namespace {
+
+using per_texel::Axis;
+
+constexpr int kDefaultTerms = 1, kMostTerms = 4;
+constexpr int kSweepsOfSecond = 3, kSweepsOfBoth = 2;
+
+class CmfEncoder final : public Encoder {
+ public:
+  std::string_view name() const override { return "cmf"; }
+  unsigned options() const override { return kWeighting | kQuantisation; }
+  int max_terms(const btf::SampledBtf& btf) const override {
+    return std::min({btf.header().view_count(), 3 * btf.header().light_count(), kMostTerms});
+  }
+
+  // Müller et al. 2004, Eq. 10.
+  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
+                                               const EncodeOptions& options) const override {
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
+    MESORIG_ASSIGN_OR_RETURN(const int terms, TermsOf(options, kDefaultTerms, max_terms(btf)));
+    per_texel::ChainEncoding encoding;
+    encoding.stages = {{Axis::kView, Axis::kLight, terms}, {Axis::kHalf, Axis::kDifference, 1}};
+    encoding.quantisation = QuantisationOf(options);
+    encoding.counts = {{"terms", terms}};
+    per_texel::ChainFitter fitter(btf.header(), InfoOf(btf, name(), 1).present, encoding.stages);
+    const std::vector<float> weights = per_texel::SquareWeights(btf, options, fitter);
+    const size_t second = fitter.layout().stages[1].p_first;
+    return per_texel::EncodeChain(
+        btf, options, encoding, *this, [&](const per_texel::TexelBlock& block) -> Status {
+          for (size_t i = 0; i < block.texels; ++i) {
+            const auto values = block.Values(i);
+            MESORIG_RETURN_IF_ERROR(
+                per_texel::DecomposeTexel(btf.header(), fitter, block.Y(i), values));
+            std::fill(values.begin() + static_cast<std::ptrdiff_t>(second), values.end(), 1.0f);
+            fitter.Refine(block.Y(i), weights, kSweepsOfSecond, 1, values);
+            fitter.Refine(block.Y(i), weights, kSweepsOfBoth, 0, values);
+          }
+          return OkStatus();
+        });
+  }
+};
+
+}  // namespace
+
+const Encoder& TheEncoder() {
+  static const CmfEncoder encoder;
+  return encoder;
+}
+
+}  // namespace mesorig::codecs::cmf

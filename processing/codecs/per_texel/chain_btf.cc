@@ -1,0 +1,94 @@
+#include "processing/codecs/per_texel/chain_btf.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "protocol/base/check.h"
+
+namespace mesorig::codecs::per_texel {
+namespace {
+
+constexpr float kLeastScale = 0x1p-60f, kMostScale = 0x1p60f;
+
+float LargestOf(const float* values, size_t count) {
+  float largest = 0;
+  for (size_t i = 0; i < count; ++i) largest = std::max(largest, std::abs(values[i]));
+  return largest;
+}
+
+// P of each term to a largest magnitude of 1 (in (1/2, 1]), Q of the stage too, by powers of two: what
+// it takes is returned.
+float BalanceStage(const Stage& stage, const Layout::Tables& t, float* texel) {
+  const auto terms = static_cast<size_t>(stage.terms);
+  for (size_t k = 0; k < terms && t.p_nodes > 0; ++k) {
+    float* const p = texel + t.p_first + k * t.p_nodes;
+    float* const q = texel + t.q_first + k * t.q_nodes * 3;
+    const float scale = ScaleFor(LargestOf(p, t.p_nodes));
+    for (size_t i = 0; i < t.p_nodes; ++i) p[i] /= scale;
+    for (size_t i = 0; i < 3 * t.q_nodes; ++i) q[i] *= scale;
+  }
+  float* const q = texel + t.q_first;
+  const size_t size = terms * t.q_nodes * 3;
+  const float scale = std::clamp(ScaleFor(LargestOf(q, size)), kLeastScale, kMostScale);
+  for (size_t i = 0; i < size; ++i) q[i] = std::clamp(q[i] / scale, -1.0f, 1.0f);
+  return scale;
+}
+
+}  // namespace
+
+StatusOr<std::unique_ptr<EncodedBtf>> ChainBtf::Create(btf::BtfFileInfo info, ChainFactors factors) {
+  MESORIG_ASSIGN_OR_RETURN(btf::PairInterpolator interpolator,
+                           btf::PairInterpolator::Build(info.header, info.present));
+  std::unique_ptr<ChainBtf> result(
+      new ChainBtf(std::move(info), std::move(factors), std::move(interpolator)));
+  const size_t texels = result->info_.header.texel_count();
+  MESORIG_CHECK(result->factors_.stages.size() <= kMaxStages);
+  MESORIG_CHECK(result->factors_.values.size() == texels * result->layout_.size);
+  MESORIG_CHECK(result->factors_.scales.size() == texels * result->factors_.stages.size());
+  return std::unique_ptr<EncodedBtf>(std::move(result));
+}
+
+std::array<float, 3> ChainBtf::Value(const PairTaps& taps, size_t texel) const {
+  auto rgb = ProductOf(factors_.stages, layout_, taps, factors_.values.data() + texel * layout_.size,
+                       factors_.scales.data() + texel * factors_.stages.size());
+  for (float& x : rgb) x -= factors_.floor;
+  return rgb;
+}
+
+void ChainBtf::DecodeImage(int view, int light, std::span<float> rgb) const {
+  const PairTaps taps = TapsOf(factors_.stages, info_.header, view, light);
+  for (size_t i = 0; i < info_.header.texel_count(); ++i) {
+    const auto value = Value(taps, i);
+    std::copy(value.begin(), value.end(), rgb.begin() + static_cast<std::ptrdiff_t>(3 * i));
+  }
+}
+
+std::array<float, 3> ChainBtf::Evaluate(int x, int y, Vec3 v, Vec3 l) const {
+  const btf::PairWeights pairs = interpolator_.Lookup(v, l);
+  const size_t texel = static_cast<size_t>(y) * static_cast<size_t>(info_.header.width) +
+                       static_cast<size_t>(x);
+  std::array<float, 3> rgb{};
+  for (size_t n = 0; n < static_cast<size_t>(pairs.count); ++n) {
+    const auto value =
+        Value(TapsOf(factors_.stages, info_.header, pairs.view[n], pairs.light[n]), texel);
+    const float weight = pairs.scale * pairs.weight[n];
+    for (size_t c = 0; c < 3; ++c) rgb[c] += weight * value[c];
+  }
+  return rgb;
+}
+
+ChainFactors Balanced(std::vector<Stage> stages, const btf::BtfHeader& header,
+                      Quantisation quantisation, float floor, std::vector<float> values) {
+  const Layout layout = LayoutOf(stages, header);
+  ChainFactors factors{std::move(stages), quantisation, floor, std::move(values), {}};
+  for (size_t i = 0; i * layout.size < factors.values.size(); ++i) {
+    for (size_t s = 0; s < factors.stages.size(); ++s) {
+      factors.scales.push_back(BalanceStage(factors.stages[s], layout.stages[s],
+                                            factors.values.data() + i * layout.size));
+    }
+  }
+  RoundTo(quantisation, factors.values);
+  return factors;
+}
+
+}  // namespace mesorig::codecs::per_texel

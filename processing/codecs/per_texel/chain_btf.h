@@ -1,0 +1,67 @@
+#pragma once
+// The decoded form of svd2, hf and cmf (README.md).
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "processing/btf/pair_weights.h"
+#include "processing/codecs/codec.h"
+#include "processing/codecs/linear/quantisation.h"
+#include "processing/codecs/per_texel/chain.h"
+
+namespace mesorig::codecs::per_texel {
+
+struct ChainFactors {
+  std::vector<Stage> stages;
+  Quantisation quantisation = Quantisation::kHalf;
+  float floor = 0;            // values are the product less this
+  std::vector<float> values;  // [texel][Layout], in [-1, 1]
+  std::vector<float> scales;  // [texel][stage], powers of two within 2^+-60
+};
+
+class ChainBtf final : public EncodedBtf {
+ public:
+  // Sizes must match (our own bug otherwise); InvalidArgument for a header that is wrong.
+  static StatusOr<std::unique_ptr<EncodedBtf>> Create(btf::BtfFileInfo info, ChainFactors factors);
+
+  const btf::BtfFileInfo& info() const override { return info_; }
+  void DecodeImage(int view, int light, std::span<float> rgb) const override;
+  std::array<float, 3> Evaluate(int x, int y, Vec3 v, Vec3 l) const override;
+  std::vector<btf::Plane> Planes() const override;
+  // Fits the mip levels: about a third of what encoding with as many sweeps takes.
+  std::optional<ShaderForm> ToShader() const override;
+
+  const ChainFactors& factors() const { return factors_; }
+  const Layout& layout() const { return layout_; }
+
+ private:
+  ChainBtf(btf::BtfFileInfo info, ChainFactors factors, btf::PairInterpolator interpolator)
+      : info_(std::move(info)), factors_(std::move(factors)),
+        layout_(LayoutOf(factors_.stages, info_.header)), interpolator_(std::move(interpolator)) {}
+  std::array<float, 3> Value(const PairTaps& taps, size_t texel) const;
+
+  btf::BtfFileInfo info_;
+  ChainFactors factors_;
+  Layout layout_;
+  btf::PairInterpolator interpolator_;
+};
+
+// What the Decode of a codec of this family does. `stages`: the codec's axes; the numbers of terms are
+// taken from the file.
+StatusOr<std::unique_ptr<EncodedBtf>> DecodeChain(btf::CodedBtf file, std::vector<Stage> stages);
+
+// Last of encoding: tables of all texels as they were fitted (no scales, [texel][Layout]) are balanced
+// into [-1, 1] and rounded to what the file stores.
+ChainFactors Balanced(std::vector<Stage> stages, const btf::BtfHeader& header,
+                      Quantisation quantisation, float floor, std::vector<float> values);
+
+// Internal: the levels above the first, one after the other as MipFactors of linear_mips.h has them;
+// each texel's tables are fitted to the mean of what the texels below decode to.
+struct ChainMips {
+  std::vector<float> values;  // [texel][Layout], scales taken out as in ChainFactors
+  std::vector<float> scales;
+};
+ChainMips FitMips(const btf::BtfFileInfo& info, const ChainFactors& factors);
+
+}  // namespace mesorig::codecs::per_texel

@@ -1,0 +1,72 @@
+#include <algorithm>
+
+#include "processing/codecs/per_texel/chain_btf.h"
+#include "processing/codecs/per_texel/chain_fit.h"
+
+namespace mesorig::codecs::per_texel {
+namespace {
+
+constexpr int kSweeps = 8;
+
+struct Level {
+  int width = 0, height = 0;
+  std::vector<float> values;  // scales multiplied in
+};
+
+// A texel's tables without a scale: each stage's is multiplied into its Q.
+void Unscale(const ChainFactors& f, const Layout& layout, size_t texel, float* values) {
+  for (size_t s = 0; s < f.stages.size(); ++s) {
+    const Layout::Tables& t = layout.stages[s];
+    const float scale = f.scales[texel * f.stages.size() + s];
+    float* const q = values + t.q_first;
+    for (size_t i = 0; i < static_cast<size_t>(f.stages[s].terms) * t.q_nodes * 3; ++i) q[i] *= scale;
+  }
+}
+
+Level Coarser(ChainFitter& fitter, const Level& fine) {
+  Level coarse{std::max(1, fine.width / 2), std::max(1, fine.height / 2), {}};
+  const size_t size = fitter.layout().size, samples = 3 * fitter.pairs().size();
+  const std::vector<float> weights(samples, 1.0f);
+  std::vector<float> y(samples), one(samples);
+  for (int i = 0; i < coarse.width * coarse.height; ++i) {
+    std::vector<size_t> below;
+    for (int dy = 0; dy < (fine.height > 1 ? 2 : 1); ++dy) {
+      for (int dx = 0; dx < (fine.width > 1 ? 2 : 1); ++dx) {
+        below.push_back(static_cast<size_t>((i / coarse.width * 2 + dy) * fine.width +
+                                            i % coarse.width * 2 + dx));
+      }
+    }
+    std::fill(y.begin(), y.end(), 0.0f);
+    for (const size_t t : below) {
+      fitter.Evaluate(std::span(fine.values).subspan(t * size, size), one);
+      for (size_t k = 0; k < samples; ++k) y[k] += one[k] / static_cast<float>(below.size());
+    }
+    const auto first = fine.values.begin() + static_cast<std::ptrdiff_t>(below[0] * size);
+    std::vector<float> texel(first, first + static_cast<std::ptrdiff_t>(size));
+    fitter.Refine(y, weights, kSweeps, 0, texel);
+    coarse.values.insert(coarse.values.end(), texel.begin(), texel.end());
+  }
+  return coarse;
+}
+
+}  // namespace
+
+ChainMips FitMips(const btf::BtfFileInfo& info, const ChainFactors& factors) {
+  ChainFitter fitter(info.header, info.present, factors.stages);
+  const size_t size = fitter.layout().size;
+  Level level{info.header.width, info.header.height, factors.values};
+  for (size_t i = 0; i < info.header.texel_count(); ++i) {
+    Unscale(factors, fitter.layout(), i, level.values.data() + i * size);
+  }
+  ChainMips mips;
+  while (level.width > 1 || level.height > 1) {
+    level = Coarser(fitter, level);
+    const ChainFactors balanced = Balanced(factors.stages, info.header, Quantisation::kFloat,
+                                           factors.floor, level.values);
+    mips.values.insert(mips.values.end(), balanced.values.begin(), balanced.values.end());
+    mips.scales.insert(mips.scales.end(), balanced.scales.begin(), balanced.scales.end());
+  }
+  return mips;
+}
+
+}  // namespace mesorig::codecs::per_texel

@@ -1,0 +1,54 @@
+#pragma once
+// What the encoders of svd2, hf and cmf share.
+
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "processing/codecs/encoder.h"
+#include "processing/codecs/per_texel/chain_btf.h"
+#include "processing/codecs/per_texel/chain_fit.h"
+
+namespace mesorig::codecs::per_texel {
+
+// The values of some texels, and where their tables go.
+struct TexelBlock {
+  size_t texels = 0;
+  std::span<const float> y;  // [texel][present pair][rgb]
+  std::span<float> values;   // [texel][Layout], zero
+
+  std::span<const float> Y(size_t texel) const {
+    return y.subspan(texel * (y.size() / texels), y.size() / texels);
+  }
+  std::span<float> Values(size_t texel) const {
+    return values.subspan(texel * (values.size() / texels), values.size() / texels);
+  }
+};
+using FitBlock = std::function<Status(const TexelBlock&)>;
+
+struct ChainEncoding {
+  int version = 1;
+  std::vector<Stage> stages;
+  Quantisation quantisation = Quantisation::kHalf;
+  double floor = 0;  // subtracted when decoding
+  // {"terms":...}, {}: what the file says beside the options.
+  std::vector<std::pair<std::string, int>> counts;
+};
+// Reads the BTF in blocks of texels and packs what `fit` makes of them.
+StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const btf::SampledBtf& btf,
+                                                  const EncodeOptions& options,
+                                                  const ChainEncoding& encoding,
+                                                  const Encoder& encoder, const FitBlock& fit);
+
+// Weights of squares that options ask for: [present pair][rgb], 1 without.
+std::vector<float> SquareWeights(const btf::SampledBtf& btf, const EncodeOptions& options,
+                                 const ChainFitter& fitter);
+
+// The leading singular triplets of one texel's matrix of views x (light, channel) into stage 0, whose
+// axes must be view and light: P = U, Q = sigma V. What is absent counts as the texel's mean.
+// Müller et al. 2004, Eq. 8.
+Status DecomposeTexel(const btf::BtfHeader& header, const ChainFitter& fitter,
+                      std::span<const float> y, std::span<float> values);
+
+}  // namespace mesorig::codecs::per_texel

@@ -1,0 +1,54 @@
+#include <algorithm>
+
+#include "processing/codecs/encoder.h"
+#include "processing/codecs/linear/pack_factors.h"
+#include "processing/codecs/per_texel/encode_chain.h"
+
+namespace mesorig::codecs::svd2 {
+namespace {
+
+using per_texel::Axis;
+
+constexpr int kDefaultTerms = 2, kSweeps = 20;
+
+class Svd2Encoder final : public Encoder {
+ public:
+  std::string_view name() const override { return "svd2"; }
+  unsigned options() const override { return kWeighting | kQuantisation; }
+  int max_terms(const btf::SampledBtf& btf) const override {
+    return std::min({btf.header().view_count(), 3 * btf.header().light_count(), 4096});
+  }
+
+  // Müller et al. 2004, Eq. 8.
+  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
+                                               const EncodeOptions& options) const override {
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
+    MESORIG_ASSIGN_OR_RETURN(const int terms, TermsOf(options, kDefaultTerms, max_terms(btf)));
+    per_texel::ChainEncoding encoding;
+    encoding.stages = {{Axis::kView, Axis::kLight, terms}};
+    encoding.quantisation = QuantisationOf(options);
+    encoding.counts = {{"terms", terms}};
+    per_texel::ChainFitter fitter(btf.header(), InfoOf(btf, name(), 1).present, encoding.stages);
+    const std::vector<float> weights = per_texel::SquareWeights(btf, options, fitter);
+    const bool plain = btf.present_count() == btf.header().views.size() * btf.header().lights.size() &&
+                       options.weighting == Weighting::kLinear && !options.solid_angle;
+    return per_texel::EncodeChain(
+        btf, options, encoding, *this, [&](const per_texel::TexelBlock& block) -> Status {
+          for (size_t i = 0; i < block.texels; ++i) {
+            MESORIG_RETURN_IF_ERROR(per_texel::DecomposeTexel(btf.header(), fitter, block.Y(i),
+                                                              block.Values(i)));
+            if (!plain) fitter.Refine(block.Y(i), weights, kSweeps, 0, block.Values(i));
+          }
+          return OkStatus();
+        });
+  }
+};
+
+}  // namespace
+
+const Encoder& TheEncoder() {
+  static const Svd2Encoder encoder;
+  return encoder;
+}
+
+}  // namespace mesorig::codecs::svd2
