@@ -4,7 +4,7 @@
 //
 // Layers: family * 2 * btf_columns + stack, three terms each: the weights of level 0; from
 // btf_columns on those of the other levels, one after the other, row by row. Table: lights; 1 for a
-// basis a view; the floor of log weighting or 0; 1 where there are clusters; the cluster of each texel
+// basis a view, 2 for decorrelated channels (log Y, U / Y, V / Y); the floor of log weighting or 0; 1 where there are clusters; the cluster of each texel
 // of level 0, then of the other levels; then h[((cluster * views + view) * lights + light) * 3 +
 // channel], three terms a stack. btf_scale is not for h: the layers alone are scaled.
 // Mueller et al. 2004, Eqs. 11 to 13.
@@ -26,7 +26,7 @@ BtfTexel PlaceOf(ivec2 size, int level, ivec2 xy) {
 
 vec3 DecodeTexel(ivec2 size, int views, BtfTexel t, ivec3 v, ivec3 l, mat3 pairs) {
   int lights = int(texelFetch(btf_table, 0).r), texels = size.x * size.y;
-  bool per_view = texelFetch(btf_table, 1).r != 0.0;
+  bool per_view = texelFetch(btf_table, 1).r == 1.0, decorrelated = texelFetch(btf_table, 1).r == 2.0;
   float floor_value = texelFetch(btf_table, 2).r;
   int cluster = 0;
   if (texelFetch(btf_table, 3).r != 0.0) {
@@ -48,7 +48,11 @@ vec3 DecodeTexel(ivec2 size, int views, BtfTexel t, ivec3 v, ivec3 l, mat3 pairs
                                   texelFetch(btf_table, h + 2).r));
         }
       }
-      if (floor_value > 0.0) value = exp(min(value, vec3(80.0))) - floor_value;
+      if (decorrelated) {
+        float above = exp(min(value[0], 70.0)), y = above - floor_value;
+        vec2 uv = clamp(value.yz, -1e6, 1e6) * above;
+        value = vec3(y + uv.y, y - (0.299 * uv.y + 0.114 * uv.x) / 0.587, y + uv.x);
+      } else if (floor_value > 0.0) value = exp(min(value, vec3(70.0))) - floor_value;
       rgb += pairs[j][i] * value;
     }
   }

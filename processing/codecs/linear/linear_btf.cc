@@ -22,9 +22,25 @@ std::array<float, 3> Dot3(const float* g, const float* h, size_t stride) {
 }
 
 // Beyond any value that was measured, and still finite: files may hold anything.
-constexpr float kLargestLog = 80;
+constexpr float kLargestLog = 70;
+
+constexpr float kRed = 0.299f, kGreen = 0.587f, kBlue = 0.114f;
+constexpr float kLargestRatio = 1e6f;
 
 }  // namespace
+
+std::array<float, 3> ToDecorrelated(const float* rgb, float floor) {
+  const float y = kRed * rgb[0] + kGreen * rgb[1] + kBlue * rgb[2];
+  const float above = std::max(y, 0.0f) + floor;
+  return {std::log(above), (rgb[2] - y) / above, (rgb[0] - y) / above};
+}
+
+std::array<float, 3> FromDecorrelated(const std::array<float, 3>& luv, float floor) {
+  const float above = std::exp(std::min(luv[0], kLargestLog)), y = above - floor;
+  const float u = std::clamp(luv[1], -kLargestRatio, kLargestRatio) * above;
+  const float v = std::clamp(luv[2], -kLargestRatio, kLargestRatio) * above;
+  return {y + v, y - (kRed * v + kBlue * u) / kGreen, y + u};
+}
 
 StatusOr<std::unique_ptr<EncodedBtf>> LinearBtf::Create(btf::BtfFileInfo info,
                                                         LinearFactors factors) {
@@ -45,6 +61,7 @@ StatusOr<std::unique_ptr<EncodedBtf>> LinearBtf::Create(btf::BtfFileInfo info,
 std::array<float, 3> LinearBtf::Value(int view, int light, size_t texel) const {
   std::array<float, 3> rgb = Dot3(Weights(view, texel), Vectors(view, light, texel),
                                   static_cast<size_t>(factors_.shape.stride()));
+  if (factors_.decorrelated) return FromDecorrelated(rgb, factors_.log_floor);
   if (factors_.log_floor > 0) {
     for (float& x : rgb) x = std::exp(std::min(x, kLargestLog)) - factors_.log_floor;
   }

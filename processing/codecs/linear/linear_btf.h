@@ -33,11 +33,18 @@ struct LinearFactors {
   LinearShape shape;
   Quantisation quantisation = Quantisation::kHalf;
   float log_floor = 0;            // above 0: values are exp(y) - floor
+  // The three channels are log(Y + floor), U / (Y + floor) and V / (Y + floor): FromDecorrelated.
+  bool decorrelated = false;
   std::vector<float> g;           // [family][texel][stride]; the mean's weight is 1
   std::vector<float> h;           // [basis][pair][rgb][stride]
   std::vector<float> scales;      // [basis][stride]: h / scale and g lie in [-1, 1]
   std::vector<uint16_t> cluster;  // [texel]; empty where shape.clusters is 1
 };
+
+// RGB to (log(Y + floor), U / (Y + floor), V / (Y + floor)) and back; Y below zero counts as zero.
+// ITU-R BT.601 luma and unscaled colour differences U = B - Y, V = R - Y.
+std::array<float, 3> ToDecorrelated(const float* rgb, float floor);
+std::array<float, 3> FromDecorrelated(const std::array<float, 3>& luv, float floor);
 
 class LinearBtf final : public EncodedBtf {
  public:
@@ -82,9 +89,9 @@ class LinearBtf final : public EncodedBtf {
   btf::PairInterpolator interpolator_;
 };
 
-// What the Decode of a codec of this family does. The codec's shape: per_view, mean, and whether
-// there may be clusters.
-StatusOr<std::unique_ptr<EncodedBtf>> DecodeLinear(btf::CodedBtf file, bool per_view,
-                                                   bool clustered);
+// What the Decode of a codec of this family does. The codec's shape: per_view, whether there may be
+// clusters, and whether its channels are decorrelated.
+StatusOr<std::unique_ptr<EncodedBtf>> DecodeLinear(btf::CodedBtf file, bool per_view, bool clustered,
+                                                   bool decorrelated = false);
 
 }  // namespace mesorig::codecs

@@ -1,6 +1,7 @@
 #include "processing/codecs/linear/linear_mips.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -9,7 +10,7 @@ namespace mesorig::codecs {
 namespace {
 
 constexpr double kRidge = 1e-9;  // of the Gram matrix' mean diagonal: terms that are all zero
-constexpr float kLargestLog = 80;
+constexpr float kLargestLog = 70;
 
 // The normal equations of one basis, factorised (Cholesky).
 struct Normal {
@@ -47,17 +48,30 @@ class Fitter {
   // Adds `weight` times what (g, cluster) decodes to.
   void AddDecoded(const float* g, size_t cluster, float weight, std::vector<float>& y) const {
     const float* const h = Basis(cluster);
-    for (size_t r = 0; r < rows_; ++r) {
+    for (size_t r = 0; r < rows_; r += 3) {
       if (!present_[r]) continue;
-      float sum = 0;
-      for (size_t k = 0; k < stride_; ++k) sum += g[k] * h[r * stride_ + k];
-      if (factors_.log_floor > 0) sum = std::exp(std::min(sum, kLargestLog)) - factors_.log_floor;
-      y[r] += weight * sum;
+      std::array<float, 3> rgb{};
+      for (size_t c = 0; c < 3; ++c) {
+        for (size_t k = 0; k < stride_; ++k) rgb[c] += g[k] * h[(r + c) * stride_ + k];
+      }
+      if (factors_.decorrelated) {
+        rgb = FromDecorrelated(rgb, factors_.log_floor);
+      } else if (factors_.log_floor > 0) {
+        for (float& x : rgb) x = std::exp(std::min(x, kLargestLog)) - factors_.log_floor;
+      }
+      for (size_t c = 0; c < 3; ++c) y[r + c] += weight * rgb[c];
     }
   }
 
   // To the domain in which the bases are linear.
   void Linearise(std::vector<float>& y) const {
+    if (factors_.decorrelated) {
+      for (size_t r = 0; r < rows_; r += 3) {
+        const auto luv = ToDecorrelated(y.data() + r, factors_.log_floor);
+        std::copy(luv.begin(), luv.end(), y.begin() + static_cast<std::ptrdiff_t>(r));
+      }
+      return;
+    }
     if (factors_.log_floor <= 0) return;
     for (float& x : y) x = std::log(std::max(x, 0.0f) + factors_.log_floor);
   }

@@ -211,11 +211,15 @@ StatusOr<LinearShape> ShapeOf(const btf::CodedBtf& file, bool per_view, bool clu
 
 }  // namespace
 
-StatusOr<std::unique_ptr<EncodedBtf>> DecodeLinear(btf::CodedBtf file, bool per_view,
-                                                   bool clustered) {
+StatusOr<std::unique_ptr<EncodedBtf>> DecodeLinear(btf::CodedBtf file, bool per_view, bool clustered,
+                                                   bool decorrelated) {
   LinearFactors factors;
   MESORIG_ASSIGN_OR_RETURN(factors.shape, ShapeOf(file, per_view, clustered));
   MESORIG_ASSIGN_OR_RETURN(factors.log_floor, TakeFloor(file));
+  factors.decorrelated = decorrelated;
+  if (decorrelated && factors.log_floor <= 0) {
+    return InvalidArgument("part P: a floor of {}, above 0 is permitted", factors.log_floor);
+  }
   MESORIG_ASSIGN_OR_RETURN(factors.scales,
                            TakeScales(file, factors.shape.stride(),
                                       factors.shape.bases(file.info.header)));

@@ -49,7 +49,9 @@ std::optional<ShaderForm> LinearBtf::ToShader() const {
   form.layers = shape.families(header) * static_cast<int>(of_family);
   form.glsl = fitted ? kDecodeFitted : kDecode;
   form.rgb.assign(static_cast<size_t>(form.layers) * texels * 3, 0.0f);
-  form.table = {static_cast<float>(header.light_count()), shape.per_view ? 1.0f : 0.0f};
+  form.table = {static_cast<float>(header.light_count()), factors_.decorrelated ? 2.0f
+                                                            : shape.per_view ? 1.0f
+                                                                             : 0.0f};
   std::vector<float> clusters(fitted ? 2 * texels : 0, 0.0f);
   std::copy(factors_.cluster.begin(), factors_.cluster.end(), clusters.begin());
   for (size_t f = 0; f < static_cast<size_t>(shape.families(header)); ++f) {

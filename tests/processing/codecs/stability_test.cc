@@ -44,6 +44,10 @@ class StableCodec : public ::testing::TestWithParam<const Encoder*> {
     if (!Takes(kLogWeighting) && options.weighting == Weighting::kLog) {
       options.weighting = Weighting::kLinear;
     }
+    if (!Takes(kWeighting)) {
+      options.solid_angle = false;
+      if (options.weighting == Weighting::kRelative) options.weighting = Weighting::kLinear;
+    }
     if (!Takes(kClusters)) options.clusters = 0;
     if (options.terms > 0) options.terms = std::min(options.terms, GetParam()->max_terms(btf));
     return GetParam()->Encode(btf, options);
