@@ -7,11 +7,14 @@
 #include <thread>
 
 #include "daemon/app/simulated_rig.h"
+#include "daemon/app/state_claim.h"
+#include "daemon/app/supervision.h"
 #include "daemon/service/access.h"
 #include "daemon/service/daemon_service.h"
 #include "protocol/base/log.h"
 #include "protocol/base/runtime_dir.h"
 #include "protocol/wire/channel.h"
+#include "protocol/wire/health.h"
 #include "protocol/wire/server.h"
 
 namespace mesorig::daemon {
@@ -29,6 +32,7 @@ class Signals {
     sigemptyset(&set_);
     sigaddset(&set_, SIGTERM);
     sigaddset(&set_, SIGINT);
+    sigaddset(&set_, SIGHUP);
     pthread_sigmask(SIG_BLOCK, &set_, nullptr);
     std::signal(SIGPIPE, SIG_IGN);
   }
@@ -56,7 +60,8 @@ void EndAnyhow() {
   }).detach();
 }
 
-void StopPlan(Sequencer& sequencer, std::string_view reason) {
+void StopPlan(SimulatedRig& rig, std::string_view reason) {
+  Sequencer& sequencer = rig.sequencer();
   if (!Runs(sequencer)) return;
   if (const Status status = sequencer.Stop(reason); !status.ok()) {
     Log("program").error("{}", Message(status));
@@ -68,11 +73,27 @@ void StopPlan(Sequencer& sequencer, std::string_view reason) {
   if (Runs(sequencer)) Log("program").error("the plan did not end within {} s", kPlanEnds.count());
 }
 
-// Until a signal comes. Returns the fault, if one came before.
-Status Supervise(const Signals& signals, const SimulatedRig& rig, DaemonService& service) {
+void Reload(Supervision& supervision, const ServiceManager& manager,
+            const std::function<StatusOr<Settings>()>& reread) {
+  (void)manager.Reloading();
+  if (const auto settings = reread(); settings.ok()) {
+    supervision.Reload(*settings);
+  } else {
+    Log("program").error("not reloaded: {}", Message(settings.status()));
+  }
+  (void)manager.Ready("reloaded");
+}
+
+// Until a signal comes that ends it. Returns the fault, if one came before.
+Status Supervise(const Signals& signals, const SimulatedRig& rig, DaemonService& service,
+                 Supervision& supervision, const ServiceManager& manager,
+                 const std::function<StatusOr<Settings>()>& reread) {
   Status fault;
   for (;;) {
-    if (const int signal = signals.Wait(kLook); signal != 0) {
+    supervision.Look();
+    const int signal = signals.Wait(kLook);
+    if (signal == SIGHUP) Reload(supervision, manager, reread);
+    if (signal == SIGTERM || signal == SIGINT) {
       Log("program").info("{}: ending", signal == SIGTERM ? "SIGTERM" : "SIGINT");
       return fault;
     }
@@ -86,35 +107,48 @@ Status Supervise(const Signals& signals, const SimulatedRig& rig, DaemonService&
 
 }  // namespace
 
-Status Serve(const ServeOptions& options) {
+Status Serve(const Settings& settings, const std::function<StatusOr<Settings>()>& reread) {
   const Signals signals;
   wire::PrepareGrpc();
   StartLogging("mesorigd");
-  MESORIG_ASSIGN_OR_RETURN(const Rig rig_description, LoadRig(options.rig));
+  MESORIG_RETURN_IF_ERROR(SetLogging(settings.log));
+  const ServiceManager manager;
+  MESORIG_ASSIGN_OR_RETURN(const Rig rig_description, LoadRig(settings.rig));
   MESORIG_ASSIGN_OR_RETURN(PublishedEndpoint endpoint,
-                           PublishedEndpoint::Claim(options.runtime_dir, wire::kDaemonName));
+                           PublishedEndpoint::Claim(settings.runtime_dir, wire::kDaemonName));
+  MESORIG_ASSIGN_OR_RETURN(const FileClaim claim, ClaimState(settings.state_dir));
   MESORIG_ASSIGN_OR_RETURN(const auto rig,
-                           SimulatedRig::Connect(options.runtime_dir, rig_description));
+                           SimulatedRig::Connect(settings.runtime_dir, rig_description));
   MESORIG_ASSIGN_OR_RETURN(const auto service,
                            DaemonService::Create(rig_description, rig->sequencer(),
-                                                 options.state_dir, &rig->manual()));
+                                                 settings.state_dir, &rig->manual()));
   if (Safety* safety = rig->sequencer().safety()) {
     MESORIG_RETURN_IF_ERROR(
-        safety->KeepLampHours(std::filesystem::path(options.state_dir) / "lamp_hours.tsv"));
+        safety->KeepLampHours(std::filesystem::path(settings.state_dir) / "lamp_hours.tsv"));
   }
-  AccessOptions access_options = options.access;
+  AccessOptions access_options = settings.access;
   access_options.audit = &service->audit();
+  wire::EnableHealth();
   MESORIG_ASSIGN_OR_RETURN(const auto access,
                            Access::Create(access_options, endpoint, service->services()));
-  Log("program").info("rig {} ({}), sessions in {}, at {}{}", rig_description.name, options.rig,
-               options.state_dir, endpoint.socket_path().parent_path().string(),
-               access->address().empty() ? "" : " and with TLS at " + access->address());
+  MESORIG_ASSIGN_OR_RETURN(auto supervision, Supervision::Start(settings, rig_description, *rig,
+                                                                *service, *access, manager));
+  Log("program").info("rig {} ({}), sessions in {}, at {}{}", rig_description.name, settings.rig,
+                      settings.state_dir, endpoint.socket_path().parent_path().string(),
+                      access->address().empty() ? "" : " and with TLS at " + access->address());
+  if (const Status told = manager.Ready(fmt::format("serves rig {}", rig_description.name));
+      !told.ok()) {
+    Log("program").warn("systemd: {}", Message(told));
+  }
 
-  const Status fault = Supervise(signals, *rig, *service);
+  const Status fault = Supervise(signals, *rig, *service, *supervision, manager, reread);
+  (void)manager.Stopping("ending");
   EndAnyhow();
-  StopPlan(rig->sequencer(), "mesorigd was told to end");
+  rig->Hurry();
+  StopPlan(*rig, "mesorigd was told to end");
   service->BeginShutdown();
   access->Shutdown(std::chrono::system_clock::now() + kCallsEnd);
+  supervision.reset();
   return fault;
 }
 

@@ -29,6 +29,10 @@ class SimulatedRig {
   ManualControl& manual() { return *manual_; }
   // OK while the simulator is there.
   Status health() const { return link_->health(); }
+  // The daemon ends: nothing waits any more for a rig that is gone.
+  void Hurry() { link_->Hurry(); }
+  // Threads that hold up rig time, and for how long in host time.
+  std::vector<RigClock::Runner> Runners() const { return link_->Runners(); }
 
  private:
   SimulatedRig(std::unique_ptr<sim_wire::SimLink> link, const Rig& rig)

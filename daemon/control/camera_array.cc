@@ -97,13 +97,21 @@ RigTime CameraArray::Deadline(const std::vector<int>& cameras) const {
 
 StatusOr<CapturedFrame> CameraArray::TakeFrame(int camera, RigTime deadline) {
   State& state = states_[camera];
-  MESORIG_ASSIGN_OR_RETURN(CapturedFrame frame,
-                           context_.devices.cameras[camera]->Await(last_trigger_, deadline));
+  auto came = context_.devices.cameras[camera]->Await(last_trigger_, deadline);
+  if (!came.ok()) {
+    if (!absl::IsCancelled(came.status())) context_.board.Count({.late = 0, .lost = 1});
+    return came.status();
+  }
+  CapturedFrame frame = *std::move(came);
   const ExpectedFrame expected{last_trigger_, triggered_at_, deadline, state.last_frame_id,
                                state.setting.region};
-  const Status good =
-      CheckFrame(context_.rig.cameras[camera], expected, frame, context_.clock.Now());
+  const RigTime now = context_.clock.Now();
+  const Status good = CheckFrame(context_.rig.cameras[camera], expected, frame, now);
   state.last_frame_id = std::max(state.last_frame_id, frame.frame_id);
+  if (!good.ok()) {
+    const bool late = now > deadline;
+    context_.board.Count({.late = late ? 1u : 0u, .lost = 0, .refused = late ? 0u : 1u});
+  }
   MESORIG_RETURN_IF_ERROR(good);
   return frame;
 }
@@ -114,6 +122,7 @@ void CameraArray::NoteDropped(int camera) {
   context_.on_note(fmt::format("camera {}: {} frames of other triggers dropped, late or duplicated",
                                context_.rig.cameras[camera].name,
                                dropped - states_[camera].dropped));
+  context_.board.Count({.late = dropped - states_[camera].dropped});
   states_[camera].dropped = dropped;
 }
 

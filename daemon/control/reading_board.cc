@@ -32,6 +32,18 @@ void ReadingBoard::SetChain(const InterlockChain::Levels& levels) {
   Set(axes_ + lamps_ + 1, levels.door ? 1 : 0, levels.read_at);
 }
 
+void ReadingBoard::Count(const FrameTrouble& more) {
+  const MutexLock lock(mutex_);
+  trouble_.late += more.late;
+  trouble_.lost += more.lost;
+  trouble_.refused += more.refused;
+}
+
+FrameTrouble ReadingBoard::trouble() const {
+  const MutexLock lock(mutex_);
+  return trouble_;
+}
+
 std::vector<Reading> ReadingBoard::Get() const {
   const MutexLock lock(mutex_);
   std::vector<Reading> readings;

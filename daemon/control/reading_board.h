@@ -1,6 +1,6 @@
 #pragma once
-// The last values that were read back from the rig, each with when, for whoever asks for the
-// status.
+// The last values that were read back from the rig, each with when, and what became of frames that
+// were not as they should be, for whoever asks for the status.
 
 #include <vector>
 
@@ -17,6 +17,8 @@ class ReadingBoard {
   void SetAxis(size_t axis, const AxisReading& reading);
   void SetLevels(const std::vector<double>& levels, RigTime read_at);
   void SetChain(const InterlockChain::Levels& levels);
+  void Count(const FrameTrouble& more);
+  FrameTrouble trouble() const;
   // Axes (rad), lamps (1 = full flux), then chain (1 = closed). What was never read is left out.
   std::vector<Reading> Get() const;
 
@@ -30,6 +32,7 @@ class ReadingBoard {
   const size_t axes_, lamps_;
   mutable Mutex mutex_;
   std::vector<Slot> slots_ GUARDED_BY(mutex_);
+  FrameTrouble trouble_ GUARDED_BY(mutex_);
 };
 
 }  // namespace mesorig::daemon

@@ -200,6 +200,11 @@ SequencerStatus SequencerImpl::GetStatus() const {
     status.rig_s = Seconds(status.now - started);
   }
   if (session && InSession(status.state)) status.storage = Message(session->Storage());
+  if (session) {
+    status.frames_queued = session->FramesQueued();
+    status.frames_verified = session->FramesVerified();
+  }
+  status.trouble = board_.trouble();
   status.frames_durable = frames_durable_;
   status.deterministic = deterministic_();
   status.readings = board_.Get();

@@ -54,6 +54,13 @@ struct Reading {
   ReadingSource source = ReadingSource::kReadBack;
 };
 
+// Frames that were thrown away or never came, since the sequencer was made.
+struct FrameTrouble {
+  uint64_t late = 0;     // after their deadline, or of an earlier trigger
+  uint64_t lost = 0;     // never came
+  uint64_t refused = 0;  // torn, stale, duplicated, of a camera whose clock jumped
+};
+
 struct SequencerStatus {
   SequencerState state = SequencerState::kIdle;
   std::string session_id;  // running or last
@@ -68,6 +75,9 @@ struct SequencerStatus {
   RigTime now{};
   bool deterministic = true;
   std::optional<OperatorPrompt> prompt;  // in kWaiting
+  FrameTrouble trouble;
+  uint64_t frames_queued = 0;    // of the run: taken, not durable yet
+  uint64_t frames_verified = 0;  // read again at its end
 };
 
 // What happened, for clients; sequence numbers are the service's.

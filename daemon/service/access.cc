@@ -16,6 +16,7 @@
 #include "protocol/base/file_writer.h"
 #include "protocol/base/log.h"
 #include "protocol/wire/grpc_status.h"
+#include "protocol/wire/health.h"
 #include "protocol/wire/server.h"
 #include "protocol/wire/token.h"
 
@@ -131,6 +132,9 @@ class AccessImpl final : public Access {
   void Shutdown(std::chrono::system_clock::time_point deadline) override;
   void Reload() override { allowed_.Reload(); }
   size_t calls_under_way() const override { return calls_.size(); }
+  void SetServing(const std::string& service, bool serving) override {
+    wire::SetServing(*server_, service, serving);
+  }
   std::string address() const override { return address_; }
 
  private:

@@ -57,6 +57,8 @@ class Access {
   // Reads the list of allowed certificates again (SIGHUP; it is looked at anyhow when it changes).
   virtual void Reload() = 0;
   virtual size_t calls_under_way() const = 0;
+  // What the health service tells of `service` ("": of the whole).
+  virtual void SetServing(const std::string& service, bool serving) = 0;
   // "HOST:PORT" that is listened on; empty: none.
   virtual std::string address() const = 0;
 };

@@ -9,6 +9,7 @@
 #include "daemon/control/manual_control.h"
 #include "daemon/control/sequencer.h"
 #include "daemon/service/audit_log.h"
+#include "daemon/service/consumer_book.h"
 #include "daemon/service/event_log.h"
 #include "daemon/service/lease_keeper.h"
 #include "daemon/service/session_store.h"
@@ -26,6 +27,7 @@ struct Books {
 
   SessionStore sessions;
   EventLog events;
+  ConsumerBook consumers;
   std::unique_ptr<AuditLog> audit;
   std::unique_ptr<LeaseKeeper> lease;
   std::atomic<uint64_t> run_token{0};  // of the plan under way, or the last one

@@ -45,6 +45,7 @@ constexpr std::array kCalls = {
     CallRule{"Frames/ReleaseSweep", kProcessing, Lease::kNone, true},
     CallRule{"Frames/RemoveSession", kAdministrator, Lease::kNone, true},
     CallRule{"Frames/CleanSessions", kAdministrator, Lease::kNone, true},
+    CallRule{"Operations/Diagnose", kOperator, Lease::kNone, true},
     CallRule{"/grpc.health.v1.Health/Check", kObserver, Lease::kNone, false},
     CallRule{"/grpc.health.v1.Health/Watch", kObserver, Lease::kNone, false},
 };

@@ -217,28 +217,42 @@ void ControlService::Describe(const CompiledPlan& plan, const Session& session,
       static_cast<double>(*free) / 1e6, static_cast<double>(missing.bytes) / 1e6));
 }
 
-grpc::Status ControlService::GetStatus(grpc::ServerContext*, const v1::StatusRequest*,
-                                       v1::StatusReply* reply) {
+v1::StatusReply ControlService::DescribeStatus() const {
   const SequencerStatus status = sequencer_.GetStatus();
-  *reply = ToMessage(status, sessions_.FramesPlanned(status.session_id));
-  reply->set_disk_free_bytes(sessions_.FreeBytes().value_or(0));
-  *reply->mutable_lease() = ToMessage(books_.lease->State());
+  v1::StatusReply reply = ToMessage(status, sessions_.FramesPlanned(status.session_id));
+  reply.set_disk_free_bytes(sessions_.FreeBytes().value_or(0));
+  *reply.mutable_lease() = ToMessage(books_.lease->State());
   if (manual_ != nullptr) {
     const ManualStatus manual = manual_->GetStatus();
-    reply->set_manual(manual.doing);
+    reply.set_manual(manual.doing);
     for (const Reading& reading : manual.readings) {
-      *reply->add_readings() = ToMessage(reading, status.now);
+      *reply.add_readings() = ToMessage(reading, status.now);
     }
   }
   const ChainHead head = books_.audit->head();
-  reply->set_audit_sequence(head.sequence);
-  reply->set_audit_head(head.hash);
-  reply->set_audit_trouble(std::string(Message(books_.audit->health())));
+  reply.set_audit_sequence(head.sequence);
+  reply.set_audit_head(head.hash);
+  reply.set_audit_trouble(std::string(Message(books_.audit->health())));
+  reply.set_event_sequence(events_.last());
+  reply.set_uptime_s(
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count());
+  for (const ConsumerFigures& figures : books_.consumers.Get()) {
+    v1::Consumer& consumer = *reply.add_consumers();
+    consumer.set_peer(figures.peer);
+    consumer.set_streams(figures.streams);
+    consumer.set_frames_sent(figures.frames_sent);
+  }
   MutexLock lock(fault_mutex_);
   if (!fault_.empty()) {
-    reply->set_state(v1::FAULT);
-    reply->set_message(fault_);
+    reply.set_state(v1::FAULT);
+    reply.set_message(fault_);
   }
+  return reply;
+}
+
+grpc::Status ControlService::GetStatus(grpc::ServerContext*, const v1::StatusRequest*,
+                                       v1::StatusReply* reply) {
+  *reply = DescribeStatus();
   return grpc::Status::OK;
 }
 

@@ -3,6 +3,7 @@
 // done by hand, and the lease for it, are in manual_calls.cc.
 
 #include <atomic>
+#include <chrono>
 #include <functional>
 #include <future>
 #include <string>
@@ -24,6 +25,9 @@ class ControlService final : public v1::Control::Service {
         books_(books),
         sessions_(books.sessions),
         events_(books.events) {}
+
+  // What GetStatus tells.
+  v1::StatusReply DescribeStatus() const;
 
   void ReportFault(std::string_view reason);
   void BeginShutdown();
@@ -103,6 +107,7 @@ class ControlService final : public v1::Control::Service {
   Books& books_;
   SessionStore& sessions_;
   EventLog& events_;
+  const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
 
   Mutex run_mutex_;                 // one Run at a time
   std::atomic<uint64_t> stops_{0};  // a Stop during Run also stops what Run is about to start

@@ -82,6 +82,11 @@ v1::StatusReply ToMessage(const SequencerStatus& status, uint32_t frames_planned
   reply.set_remaining_s(status.remaining_s);
   reply.set_alarms(status.alarms);
   reply.set_storage(status.storage);
+  reply.set_frames_late(status.trouble.late);
+  reply.set_frames_lost(status.trouble.lost);
+  reply.set_frames_refused(status.trouble.refused);
+  reply.set_frames_queued(status.frames_queued);
+  reply.set_frames_verified(status.frames_verified);
   if (status.prompt) *reply.mutable_prompt() = ToMessage(*status.prompt);
   for (const Reading& reading : status.readings) {
     *reply.add_readings() = ToMessage(reading, status.now);

@@ -4,6 +4,7 @@
 #include "daemon/service/control_service.h"
 #include "daemon/service/convert.h"
 #include "daemon/service/frames_service.h"
+#include "daemon/service/operations_service.h"
 
 namespace mesorig::daemon {
 namespace {
@@ -35,8 +36,15 @@ class DaemonServiceImpl final : public DaemonService {
     books_->lease->Close();  // its hooks call manual control
   }
 
-  std::vector<grpc::Service*> services() override { return {&control_, &frames_}; }
   AuditLog& audit() override { return *books_->audit; }
+  std::vector<grpc::Service*> services() override {
+    return {&control_, &frames_, &operations_};
+  }
+  v1::StatusReply Status() const override { return control_.DescribeStatus(); }
+  EventLog& events() override { return books_->events; }
+  void OnDiagnose(std::function<std::vector<DiagnosticFile>()> collect) override {
+    operations_.OnDiagnose(std::move(collect));
+  }
   void ReportFault(std::string_view reason) override { control_.ReportFault(reason); }
   void BeginShutdown() override {
     control_.BeginShutdown();
@@ -50,6 +58,7 @@ class DaemonServiceImpl final : public DaemonService {
   const std::shared_ptr<Books> books_;
   ControlService control_;
   FramesService frames_;
+  OperationsService operations_;
 };
 
 }  // namespace

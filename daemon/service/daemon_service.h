@@ -1,9 +1,11 @@
 #pragma once
-// The gRPC services of mesorigd, Control and Frames, over one sequencer and one state folder:
-// sessions, the audit log, the lease's tokens.
+// The gRPC services of mesorigd, Control, Frames and Operations, over one sequencer and one state
+// folder: sessions, the audit log, the lease's tokens.
 
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -16,7 +18,18 @@ namespace grpc {
 class Service;
 }
 
+namespace mesorig::v1 {
+class StatusReply;
+}
+
 namespace mesorig::daemon {
+
+class EventLog;
+
+// A text of the support bundle.
+struct DiagnosticFile {
+  std::string name, content;
+};
 
 // Thread-safe. Outlives the grpc::Server that serves it.
 class DaemonService {
@@ -31,6 +44,12 @@ class DaemonService {
   virtual std::vector<grpc::Service*> services() = 0;
   // What calls are recorded in: for Access.
   virtual AuditLog& audit() = 0;
+  // What GetStatus tells its clients (metrics and health are made from it).
+  virtual v1::StatusReply Status() const = 0;
+  virtual EventLog& events() = 0;
+  // What the support bundle holds of this daemon, collected when a client asks for it; without
+  // secrets. Called on the client's thread.
+  virtual void OnDiagnose(std::function<std::vector<DiagnosticFile>()> collect) = 0;
   // What the daemon cannot go on with (the simulator is gone): told to watchers and in the status;
   // no plan starts any more.
   virtual void ReportFault(std::string_view reason) = 0;

@@ -18,9 +18,12 @@ constexpr int kWaitMs = 100;  // how late an end or a cancellation is noticed
 // One stream. Deletes itself in OnDone.
 class Subscription final : public grpc::ServerWriteReactor<grpc::ByteBuffer> {
  public:
-  Subscription(SessionStore& sessions, const std::atomic<bool>& shutting_down,
-               const grpc::ByteBuffer& request)
-      : sessions_(sessions), shutting_down_(shutting_down), request_(request) {
+  Subscription(SessionStore& sessions, ConsumerBook& consumers, std::string peer,
+               const std::atomic<bool>& shutting_down, const grpc::ByteBuffer& request)
+      : sessions_(sessions),
+        figures_(consumers, std::move(peer)),
+        shutting_down_(shutting_down),
+        request_(request) {
     thread_ = std::thread([this] {
       ::pthread_setname_np(::pthread_self(), "subscription");
       Finish(wire::ToGrpc(Run()));
@@ -56,6 +59,7 @@ class Subscription final : public grpc::ServerWriteReactor<grpc::ByteBuffer> {
   }
 
   SessionStore& sessions_;
+  ConsumerBook::Stream figures_;
   const std::atomic<bool>& shutting_down_;
   grpc::ByteBuffer request_;
   grpc::ByteBuffer buffer_;  // what is being written
@@ -86,6 +90,7 @@ Status Subscription::SendAll(std::shared_ptr<Session>& session, int camera, uint
     if (frame) {
       cursor = frame->record.sequence;
       if (!Write(*frame)) return Cancelled("the subscriber left");
+      figures_.CountFrame();
     } else if (!live) {
       // It may have been resumed since: then its further frames are another object's.
       const auto now = sessions_.Find(session->id());
@@ -145,8 +150,8 @@ grpc::Status FramesService::ReleaseSweep(grpc::ServerContext*,
 }
 
 grpc::ServerWriteReactor<grpc::ByteBuffer>* FramesService::Subscribe(
-    grpc::CallbackServerContext*, const grpc::ByteBuffer* request) {
-  return new Subscription(sessions_, shutting_down_, *request);  // owned by itself
+    grpc::CallbackServerContext* context, const grpc::ByteBuffer* request) {
+  return new Subscription(sessions_, consumers_, context->peer(), shutting_down_, *request);  // owned by itself
 }
 
 }  // namespace mesorig::daemon

@@ -16,7 +16,7 @@ class FramesService final
     : public v1::Frames::WithRawCallbackMethod_Subscribe<v1::Frames::Service> {
  public:
   FramesService(Books& books, std::function<RigTime()> now)
-      : sessions_(books.sessions), audit_(*books.audit), now_(std::move(now)) {}
+      : sessions_(books.sessions), consumers_(books.consumers), audit_(*books.audit), now_(std::move(now)) {}
 
   // Ends the subscriptions.
   void BeginShutdown() { shutting_down_ = true; }
@@ -42,6 +42,7 @@ class FramesService final
 
  private:
   SessionStore& sessions_;
+  ConsumerBook& consumers_;
   const AuditLog& audit_;
   const std::function<RigTime()> now_;  // rig time
   std::atomic<bool> shutting_down_{false};

@@ -159,6 +159,10 @@ class Session {
   // writer's thread; one.
   virtual Status Storage() const = 0;
   virtual void OnStorage(std::function<void(const Status&)> listener) = 0;
+  // Frames that were appended and are not durable yet; and how many were read again so far by
+  // DropDamaged and Finish: a sign of life where reading takes minutes.
+  virtual size_t FramesQueued() const = 0;
+  virtual uint64_t FramesVerified() const = 0;
   // Returns when everything appended is durable. Unavailable when the disk takes nothing, after one
   // more attempt: everything still waits.
   virtual Status Flush() = 0;

@@ -238,6 +238,7 @@ StatusOr<uint32_t> StoredSession::DropDamaged() {
       MutexLock lock(mutex_);
       if (!live_frames_.IsLive(row.camera, row.shot)) return OkStatus();
     }
+    ++verified_;
     if (segments_.Read(row).ok()) return OkStatus();
     ++damaged;
     MutexLock lock(mutex_);
@@ -295,7 +296,10 @@ Status StoredSession::Finish(bool complete, std::string_view reason, double virt
   Status status = writer_->Flush();
   if (complete && absl::IsUnavailable(status)) return status;
   if (status.ok() && complete) {
-    const auto verify = [&](const FrameRecord& row) { return segments_.Read(row).status(); };
+    const auto verify = [&](const FrameRecord& row) {
+      ++verified_;
+      return segments_.Read(row).status();
+    };
     auto ledger = Ledger::Open(folder_.journal(), faults_);
     status = ledger.ok() ? Reconcile(plan_, rig_, **ledger, verify) : ledger.status();
     if (absl::IsUnavailable(status)) return status;

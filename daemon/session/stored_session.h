@@ -2,6 +2,7 @@
 // The session on disk behind session.h: writing in stored_session.cc, reading in
 // stored_session_reading.cc, opening in session.cc. Private to this folder.
 
+#include <atomic>
 #include <chrono>
 #include <map>
 #include <memory>
@@ -58,6 +59,11 @@ class StoredSession final : public Session {
     MutexLock lock(listener_mutex_);
     on_storage_ = std::move(listener);
   }
+  size_t FramesQueued() const override {
+    MutexLock lock(mutex_);
+    return pending_.size();
+  }
+  uint64_t FramesVerified() const override { return verified_; }
   Status Flush() override { return writer_ ? writer_->Flush() : NotWriting(); }
   Status Finish(bool complete, std::string_view reason, double virtual_s, double wall_s,
                 bool deterministic) override;
@@ -112,6 +118,8 @@ class StoredSession final : public Session {
   // Rows that are not durable yet, by camera << 32 | shot: the last one's sequence.
   std::unordered_map<uint64_t, uint64_t> pending_ GUARDED_BY(mutex_);
   std::map<int, double> metered_ GUARDED_BY(mutex_);
+
+  std::atomic<uint64_t> verified_{0};  // frames read again
 
   Mutex latest_mutex_;
   CondVar latest_changed_;

@@ -1,7 +1,5 @@
 #include "protocol/base/runtime_dir.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -10,8 +8,6 @@
 
 namespace mesorig {
 namespace {
-
-constexpr size_t kMaxSocketPath = 107;
 
 std::filesystem::path EndpointFile(const std::filesystem::path& dir, std::string_view name) {
   return dir / fmt::format("{}.endpoint", name);
@@ -39,36 +35,19 @@ StatusOr<PublishedEndpoint> PublishedEndpoint::Claim(const std::filesystem::path
                            absolute.string(), kMaxSocketPath);
   }
   const auto lock = absolute / fmt::format("{}.lock", name);
-  const int fd = ::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644);
-  if (fd < 0) return InvalidArgument("{}: cannot be opened: {}", lock.string(), strerror(errno));
-  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
-    char owner[32] = {};
-    const ssize_t n = ::pread(fd, owner, sizeof(owner) - 1, 0);
-    ::close(fd);
-    return FailedPrecondition("{} already runs in {} (process {})", name, absolute.string(),
-                              n > 0 ? owner : "?");
-  }
-  const std::string pid = std::to_string(::getpid());
-  if (::ftruncate(fd, 0) != 0 || ::pwrite(fd, pid.data(), pid.size(), 0) < 0) {
-    ::close(fd);
-    return Unavailable("{}: cannot be written: {}", lock.string(), strerror(errno));
-  }
+  MESORIG_ASSIGN_OR_RETURN(
+      FileClaim claim,
+      FileClaim::Take(lock, fmt::format("{} already runs in {}", name, absolute.string())));
   std::filesystem::remove(EndpointFile(absolute, name), error);
   std::filesystem::remove(socket, error);
-  return PublishedEndpoint(absolute, std::string(name), fd);
-}
-
-PublishedEndpoint::PublishedEndpoint(PublishedEndpoint&& other) noexcept
-    : dir_(std::move(other.dir_)), name_(std::move(other.name_)), lock_fd_(other.lock_fd_) {
-  other.lock_fd_ = -1;
+  return PublishedEndpoint(absolute, std::string(name), std::move(claim));
 }
 
 PublishedEndpoint::~PublishedEndpoint() {
-  if (lock_fd_ < 0) return;
+  if (name_.empty()) return;  // moved from
   std::error_code ignored;
   std::filesystem::remove(EndpointFile(dir_, name_), ignored);
   std::filesystem::remove(socket_path(), ignored);
-  ::close(lock_fd_);  // gives the lock back; the lock file stays, so that nobody locks a ghost
 }
 
 std::filesystem::path PublishedEndpoint::socket_path() const {

@@ -7,9 +7,12 @@
 #include <string>
 #include <string_view>
 
+#include "protocol/base/claim.h"
 #include "protocol/base/status.h"
 
 namespace mesorig {
+
+inline constexpr size_t kMaxSocketPath = 107;  // of the kernel
 
 // $MESORIG_RUNTIME_DIR, else $XDG_RUNTIME_DIR/mesorig, else /tmp/mesorig-<uid>.
 std::filesystem::path DefaultRuntimeDir();
@@ -21,7 +24,7 @@ class PublishedEndpoint {
   // Creates `dir` if need be and locks `<name>.lock`. Refuses a directory whose socket paths
   // would exceed the 107 bytes of a unix socket's name.
   static StatusOr<PublishedEndpoint> Claim(const std::filesystem::path& dir, std::string_view name);
-  PublishedEndpoint(PublishedEndpoint&& other) noexcept;
+  PublishedEndpoint(PublishedEndpoint&& other) noexcept = default;
   PublishedEndpoint& operator=(PublishedEndpoint&&) = delete;
   ~PublishedEndpoint();  // removes the file and gives the claim back
   // Where this service may bind its socket; a stale one of a dead owner is removed at Claim.
@@ -30,11 +33,11 @@ class PublishedEndpoint {
   Status Publish(std::string_view endpoint);
 
  private:
-  PublishedEndpoint(std::filesystem::path dir, std::string name, int lock_fd)
-      : dir_(std::move(dir)), name_(std::move(name)), lock_fd_(lock_fd) {}
+  PublishedEndpoint(std::filesystem::path dir, std::string name, FileClaim claim)
+      : dir_(std::move(dir)), name_(std::move(name)), claim_(std::move(claim)) {}
   std::filesystem::path dir_;
   std::string name_;
-  int lock_fd_ = -1;
+  FileClaim claim_;
 };
 
 // What `name` published, for example `unix:/run/…/mesorigd.sock` or `tcp:127.0.0.1:40123`.

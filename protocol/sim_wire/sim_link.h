@@ -55,6 +55,9 @@ class SimLink final : public RigClock {
   bool deterministic() const { return deterministic_; }
   // Why the simulator is gone; OK while it is there.
   Status health() const;
+  // The program ends: once the simulator is gone, deadlines come a thousand times as fast, so that
+  // nobody waits for devices that will not answer.
+  void Hurry();
 
  protected:
   RigTime NowLocked() const override;
@@ -92,6 +95,7 @@ class SimLink final : public RigClock {
   RigTime now_{};
   std::chrono::steady_clock::time_point broken_at_;
   Status broken_;  // not OK: the simulator is gone
+  int pace_ = 1;   // seconds a second from then on
   bool advancing_ = false;
   bool dead_end_ = false;  // no device will do anything by itself, and nobody waits for a time
   std::chrono::steady_clock::time_point pace_host_;  // when real-time pacing last moved time

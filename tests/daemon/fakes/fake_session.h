@@ -121,6 +121,8 @@ class FakeSession final : public Session {
     std::lock_guard lock(mutex_);
     reference_->pixels = std::make_shared<const std::string>(std::move(pixels));
   }
+  size_t FramesQueued() const override { return 0; }
+  uint64_t FramesVerified() const override { return 0; }
   StatusOr<std::vector<JournalEntry>> Entries() override { return journal(); }
   std::vector<JournalEntry> journal() const {
     std::lock_guard lock(mutex_);

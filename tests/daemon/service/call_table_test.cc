@@ -9,6 +9,7 @@
 #include "protocol/base/file_writer.h"
 #include "protocol/messages/control.pb.h"
 #include "protocol/messages/frames.pb.h"
+#include "protocol/messages/operations.pb.h"
 #include "protocol/wire/identity.h"
 
 namespace mesorig::daemon {
@@ -17,8 +18,9 @@ namespace {
 // Every method of every service in the files of messages that mesorigd serves.
 std::set<std::string> MethodsServed() {
   std::set<std::string> methods;
-  for (const auto* file :
-       {v1::HelloRequest::descriptor()->file(), v1::SessionRequest::descriptor()->file()}) {
+  for (const auto* file : {v1::HelloRequest::descriptor()->file(),
+                           v1::SessionRequest::descriptor()->file(),
+                           v1::DiagnoseRequest::descriptor()->file()}) {
     for (int i = 0; i < file->service_count(); ++i) {
       const auto* service = file->service(i);
       for (int j = 0; j < service->method_count(); ++j) {
