@@ -41,6 +41,22 @@ void ReadNotify(TomlTable table, NotifierOptions& notify) {
   if (const Status status = CheckNotifier(notify); !status.ok()) table.Error("", Message(status));
 }
 
+// Groups whose members may open the socket of a role.
+void ReadAccess(TomlTable table, const std::filesystem::path& folder, AccessOptions& access) {
+  access.listen = table.StringOr("listen", access.listen);
+  std::string tls_dir = access.tls_dir.string();
+  ReadPath(table, "tls_dir", folder, tls_dir);
+  access.tls_dir = tls_dir;
+  auto groups = table.TableIfPresent("groups");
+  if (!groups) return;
+  access.groups.clear();
+  for (int i = 1; i < kRoles; ++i) {
+    const auto role = static_cast<Role>(i);
+    const std::string group = groups->StringOr(Name(role), "");
+    if (!group.empty()) access.groups[role] = group;
+  }
+}
+
 std::string Quoted(std::string_view text) {
   std::string quoted = "\"";
   for (const char c : text) {
@@ -102,6 +118,7 @@ Status ParseSettings(std::string_view text, std::string_view name,
   if (auto metrics = root.TableIfPresent("metrics")) {
     read.metrics_port = static_cast<int>(metrics->Integer("port", {0, 65535}));
   }
+  if (const auto access = root.TableIfPresent("access")) ReadAccess(*access, folder, read.access);
   if (const auto notify = root.TableIfPresent("notify")) ReadNotify(*notify, read.notify);
   MESORIG_RETURN_IF_ERROR(file.Finish());
   settings = std::move(read);
@@ -122,6 +139,18 @@ std::string SettingsText(const Settings& settings) {
       Quoted(settings.log.levels), settings.log.format == LogFormat::kJson ? "json" : "text");
   if (settings.metrics_port) {
     text += fmt::format("\n[metrics]\nport = {}\n", *settings.metrics_port);
+  }
+  const AccessOptions& access = settings.access;
+  if (!access.listen.empty() || !access.tls_dir.empty() || !access.groups.empty()) {
+    text += "\n[access]\n";
+    if (!access.listen.empty()) text += fmt::format("listen = {}\n", Quoted(access.listen));
+    if (!access.tls_dir.empty()) {
+      text += fmt::format("tls_dir = {}\n", Quoted(access.tls_dir.string()));
+    }
+    if (!access.groups.empty()) text += "\n[access.groups]\n";
+    for (const auto& [role, group] : access.groups) {
+      text += fmt::format("{} = {}\n", Name(role), Quoted(group));
+    }
   }
   const NotifierOptions& notify = settings.notify;
   if (notify.command.empty() && notify.webhook.empty()) return text;
@@ -195,6 +224,9 @@ std::vector<std::string> NeedRestart(const Settings& running, const Settings& wa
   compare("state_dir", running.state_dir, wanted.state_dir);
   compare("runtime_dir", running.runtime_dir, wanted.runtime_dir);
   compare("metrics.port", running.metrics_port, wanted.metrics_port);
+  compare("access.listen", running.access.listen, wanted.access.listen);
+  compare("access.tls_dir", running.access.tls_dir, wanted.access.tls_dir);
+  compare("access.groups", running.access.groups, wanted.access.groups);
   return names;
 }
 

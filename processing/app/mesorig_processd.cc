@@ -12,6 +12,7 @@
 #include "protocol/base/log.h"
 #include "protocol/base/program.h"
 #include "protocol/base/runtime_dir.h"
+#include "protocol/base/service_manager.h"
 
 namespace mesorig {
 namespace {
@@ -38,6 +39,7 @@ Status CatchSignals() {
 
 Status Serve(const service::ServerOptions& options) {
   MESORIG_RETURN_IF_ERROR(CatchSignals());
+  const ServiceManager manager;
   MESORIG_ASSIGN_OR_RETURN(const auto server, service::ProcessingServer::Start(options));
   std::thread stopper([&] {
     char byte = 0;
@@ -45,7 +47,9 @@ Status Serve(const service::ServerOptions& options) {
     server->Stop();
   });
   Log("processing").info("products go to {}", options.products_dir.string());
+  (void)manager.Ready("follows mesorigd");
   const Status status = server->Run();
+  (void)manager.Stopping("ending");
   OnSignal(SIGTERM);  // wakes the stopper where no signal did
   stopper.join();
   return status;
@@ -74,8 +78,17 @@ int main(int argc, char** argv) {
                  "seconds that mesorigd may be away during a session before it is given up")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
-  return mesorig::RunProgram(app, "mesorig-processd", argc, argv, [&] {
+  mesorig::LogOptions log;
+  std::string format = "text";
+  app.add_option("--log-level", log.levels, "info, or info,processing=debug,...: a level a part")
+      ->capture_default_str();
+  app.add_option("--log-format", format, "text or json")->check(CLI::IsMember({"text", "json"}));
+  return mesorig::RunProgram(app, "mesorig-processd", argc, argv, [&]() -> mesorig::Status {
     mesorig::StartLogging("mesorig-processd");
+    if (format == "json") log.format = mesorig::LogFormat::kJson;
+    if (app.count("--log-level") + app.count("--log-format") > 0) {
+      MESORIG_RETURN_IF_ERROR(mesorig::SetLogging(log));
+    }
     return mesorig::Serve(options);
   });
 }

@@ -53,9 +53,9 @@ ProcessFigures ReadProcessFigures() {
   figures.threads = count("/proc/self/task");
   figures.open_files = count("/proc/self/fd");
   if (figures.open_files > 0) --figures.open_files;  // the one that looked
-  std::ifstream uptime("/proc/uptime");
-  double up_s = 0;
-  if (uptime >> up_s) {
+  timespec up{};
+  if (::clock_gettime(CLOCK_BOOTTIME, &up) == 0) {
+    const double up_s = static_cast<double>(up.tv_sec) + 1e-9 * static_cast<double>(up.tv_nsec);
     const double now_s = std::chrono::duration<double>(
                              std::chrono::system_clock::now().time_since_epoch()).count();
     figures.started_s = now_s - up_s + StartedSinceBoot();
