@@ -35,6 +35,7 @@ struct Command {
 };
 
 Command AddRunCommand(CLI::App& app, Common& common);
+Command AddSupportBundleCommand(CLI::App& app, Common& common);
 Command AddStatusCommand(CLI::App& app, Common& common);
 Command AddWatchCommand(CLI::App& app, Common& common);
 Command AddStopCommand(CLI::App& app, Common& common);

@@ -7,13 +7,24 @@
 #include <vector>
 
 #include "client/cli/commands.h"
+#include "client/cli/status_screen.h"
 #include "client/cli/text.h"
 #include "client/connection/daemon_client.h"
+#include "protocol/base/runtime_dir.h"
 
 namespace mesorig::client {
 namespace {
 
 constexpr double kWatchPatience_s = 60;  // for a daemon that is gone
+
+constexpr size_t kEventsLooked = 400;
+
+// What happened but for progress, which the screen shows anyhow.
+std::vector<v1::Event> NewsOf(DaemonClient& daemon, const v1::StatusReply& status) {
+  std::vector<v1::Event> events = daemon.LastEvents(status, kEventsLooked);
+  std::erase_if(events, [](const v1::Event& event) { return event.has_progress(); });
+  return events;
+}
 
 Status ShowStatus(const Common& common) {
   MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
@@ -22,30 +33,26 @@ Status ShowStatus(const Common& common) {
     fmt::print("{}\n", JsonText(status));
     return OkStatus();
   }
-  fmt::print("{} on rig {}: {}{}{}\n", daemon->hello().server(), daemon->hello().rig_name(),
-             StateName(status.state()), status.message().empty() ? "" : ", ", status.message());
-  if (!status.session_id().empty()) {
-    fmt::print("session {}: {} of {} shots, {} of {} frames durable, {} of about {}\n",
-               status.session_id(), status.shots_done(), status.shots(), status.frames_durable(),
-               status.frames(), DurationText(status.rig_s()), DurationText(status.estimated_s()));
+  fmt::print("{}", StatusScreen(daemon->hello(), status, NewsOf(*daemon, status)));
+  return OkStatus();
+}
+
+// May the programs be replaced? OK when no session is under way, or no daemon runs.
+Status ShowIdle(const Common& common) {
+  const auto endpoint = FindEndpoint(common.runtime_dir, "mesorigd");
+  if (common.connect.empty() && !endpoint.ok()) {
+    fmt::print("idle: {}\n", Message(endpoint.status()));
+    return OkStatus();
   }
-  if (status.bytes_left() > 0) {
-    fmt::print("  about {} to go, {} to come, {} free on the disk{}\n",
-               DurationText(status.remaining_s()), BytesText(status.bytes_left()),
-               BytesText(status.disk_free_bytes()),
-               status.disk_free_bytes() < status.bytes_left() ? ": it will not fit" : "");
+  MESORIG_ASSIGN_OR_RETURN(const auto daemon, DaemonClient::Connect(common.daemon()));
+  MESORIG_ASSIGN_OR_RETURN(const v1::StatusReply status, daemon->GetStatus());
+  if (status.state() != v1::IDLE && status.state() != v1::FAULT) {
+    return FailedPrecondition("{}, session {}: {} of {} shots, about {} to go",
+                              StateName(status.state()), status.session_id(), status.shots_done(),
+                              status.shots(), DurationText(status.remaining_s()));
   }
-  if (status.alarms() > 0) fmt::print("  {} alarms: see `mesorig watch`\n", status.alarms());
-  if (!status.storage().empty()) fmt::print("  the disk takes nothing: {}\n", status.storage());
-  if (status.lease().kind() != v1::LEASE_FREE) fmt::print("  {}\n", LeaseText(status.lease()));
-  if (!status.manual().empty()) fmt::print("  by hand: {}\n", status.manual());
-  if (!status.audit_trouble().empty()) fmt::print("  audit log: {}\n", status.audit_trouble());
-  if (status.has_prompt()) fmt::print("{}\n", PromptText(status.prompt()));
-  for (const v1::Reading& reading : status.readings()) {
-    fmt::print("  {:<22} {:>12.4f} {:<6} {:.1f} s ago{}\n", reading.name(), reading.value(),
-               reading.unit(), reading.age_s(),
-               reading.source() == v1::COMMANDED ? ", as commanded" : "");
-  }
+  if (!status.manual().empty()) return FailedPrecondition("by hand: {}", status.manual());
+  fmt::print("idle\n");
   return OkStatus();
 }
 
@@ -88,8 +95,12 @@ Status Acknowledge(const Common& common) {
 }  // namespace
 
 Command AddStatusCommand(CLI::App& app, Common& common) {
-  return {app.add_subcommand("status", "What the daemon does, and what it read back from the rig"),
-          [&common] { return ShowStatus(common); }};
+  auto idle = std::make_shared<bool>(false);
+  CLI::App* status =
+      app.add_subcommand("status", "What the daemon does, and what it read back from the rig");
+  status->add_flag("--idle", *idle,
+                   "Exit 0 when no session is under way, so that programs may be replaced; else 1");
+  return {status, [idle, &common] { return *idle ? ShowIdle(common) : ShowStatus(common); }};
 }
 
 Command AddWatchCommand(CLI::App& app, Common& common) {

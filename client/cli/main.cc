@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
       client::AddAbortCommand(app, common),       client::AddArmCommand(app, common),
       client::AddStartCommand(app, common),       client::AddResetCommand(app, common),
       client::AddResumeCommand(app, common),      client::AddAcknowledgeCommand(app, common),
-      client::AddPlanCheckCommand(*plan, common)};
+      client::AddSupportBundleCommand(app, common), client::AddPlanCheckCommand(*plan, common)};
   for (const auto add :
        {client::AddSessionCommands, client::AddCertsCommands, client::AddHandCommands,
         client::AddAuditCommands}) {

@@ -6,6 +6,7 @@
 #include "client/connection/daemon_client.h"
 #include "protocol/messages/control.grpc.pb.h"
 #include "protocol/messages/frames.grpc.pb.h"
+#include "protocol/messages/operations.grpc.pb.h"
 #include "protocol/wire/grpc_status.h"
 
 namespace mesorig::client {
@@ -29,6 +30,7 @@ StatusOr<Reply> Call(Stub& stub, Method method, const Request& request) {
 struct DaemonClient::State {
   std::unique_ptr<v1::Control::Stub> control;
   std::unique_ptr<v1::Frames::Stub> frames;
+  std::unique_ptr<v1::Operations::Stub> operations;
   v1::HelloReply hello;
 };
 

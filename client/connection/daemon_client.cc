@@ -12,6 +12,7 @@ StatusOr<std::unique_ptr<DaemonClient>> DaemonClient::Connect(
   auto state = std::make_unique<State>();
   state->control = v1::Control::NewStub(channel);
   state->frames = v1::Frames::NewStub(channel);
+  state->operations = v1::Operations::NewStub(channel);
   v1::HelloRequest request;
   request.set_protocol_major(wire::kProtocolMajor);
   request.set_client(fmt::format("mesorig {}", kVersion));
@@ -102,6 +103,23 @@ StatusOr<v1::SessionReply> DaemonClient::GetSession(std::string_view session_id)
   v1::SessionRequest request;
   request.set_session_id(std::string(session_id));
   return Call<v1::SessionReply>(*state_->frames, &v1::Frames::Stub::GetSession, request);
+}
+
+std::vector<v1::Event> DaemonClient::LastEvents(const v1::StatusReply& status, size_t count) {
+  std::vector<v1::Event> events;
+  const uint64_t last = status.event_sequence();
+  if (last == 0) return events;
+  // (The daemon may have ended meanwhile: what came is told.)
+  (void)Watch(last - std::min<uint64_t>(last, count), [&](const v1::Event& event) {
+    events.push_back(event);
+    return event.sequence() < last;
+  });
+  return events;
+}
+
+StatusOr<v1::DiagnoseReply> DaemonClient::Diagnose() {
+  return Call<v1::DiagnoseReply>(*state_->operations, &v1::Operations::Stub::Diagnose,
+                                 v1::DiagnoseRequest());
 }
 
 }  // namespace mesorig::client

@@ -5,10 +5,12 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "protocol/base/status.h"
 #include "protocol/messages/control.pb.h"
 #include "protocol/messages/frames.pb.h"
+#include "protocol/messages/operations.pb.h"
 #include "protocol/wire/channel.h"
 
 namespace mesorig::client {
@@ -38,6 +40,10 @@ class DaemonClient {
   Status Acknowledge(uint32_t prompt_id);
   StatusOr<v1::ListSessionsReply> ListSessions();
   StatusOr<v1::SessionReply> GetSession(std::string_view session_id);
+  // The latest events, at most `count`, oldest first; none when they cannot be had.
+  std::vector<v1::Event> LastEvents(const v1::StatusReply& status, size_t count);
+  // What the daemon tells somebody who helps.
+  StatusOr<v1::DiagnoseReply> Diagnose();
   // Events above `after_sequence` (of the daemon that Connect met), then as they happen, until
   // `on_event` returns false (OK). A stream that breaks is taken up again where it was, a daemon
   // that is gone waited for: Unavailable after `patience_s`. What is missed is told as a Gap.

@@ -166,7 +166,7 @@ void Supervision::Reload(const Settings& wanted) {
     Log("program").error("{}", Message(status));
   }
   if (notify) StartNotifiers(wanted.notify);
-  access_.Reload();
+  if (!access_.address().empty()) access_.Reload();
   Log("program").info("reloaded: log levels and format, allowed certificates{}", notify ? ", notifications" : "");
   if (!stuck.empty()) {
     Log("program").warn("{} changed: needs a restart of mesorigd", fmt::join(stuck, ", "));

@@ -34,9 +34,11 @@ class RunningRig {
                                  kSource + "/rigs/samples/weave.toml", "--seed", seed_, "--log",
                                  (folder_ / "rig.tsv").string()});
   }
-  void StartDaemon() {
-    daemon_ = Start("mesorigd", {"--rig", kTiny + "tiny_rig.toml", "--state-dir",
-                                 (folder_ / "state").string()});
+  void StartDaemon(const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments = {"--rig", kTiny + "tiny_rig.toml", "--state-dir",
+                                          (folder_ / "state").string()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    daemon_ = Start("mesorigd", std::move(arguments));
   }
   void StartProcessing() {
     processing_ = Start("mesorig-processd", {"--products", (folder_ / "products").string()});
