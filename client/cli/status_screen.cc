@@ -39,6 +39,11 @@ class Screen {
 
 std::string Age(double seconds) { return fmt::format("{:.1f} s", seconds); }
 
+std::string ShortAge(double seconds) {
+  return seconds < 9.95 ? fmt::format("{:.1f}s", seconds)
+                        : fmt::format("{:.0f}s", std::min(seconds, 9999.0));
+}
+
 const v1::Reading* Find(const v1::StatusReply& status, std::string_view name) {
   for (const v1::Reading& reading : status.readings()) {
     if (reading.name() == name) return &reading;
@@ -106,9 +111,9 @@ void AddReadings(const v1::StatusReply& status, Screen& screen) {
   std::vector<std::string> cells;
   for (const v1::Reading& reading : status.readings()) {
     if (reading.name() == "estop" || reading.name() == "door") continue;
-    const std::string value = fmt::format("{:.4g} {}", reading.value(),
-                                          reading.unit() == "1" ? "" : reading.unit());
-    cells.push_back(fmt::format("{:.10} {} {}", reading.name(), value, Age(reading.age_s())));
+    const std::string unit = reading.unit() == "1" ? "" : " " + reading.unit();
+    cells.push_back(fmt::format("{:.9} {:.3f}{} {}", reading.name(), reading.value(), unit,
+                                ShortAge(reading.age_s())));
   }
   const size_t more = cells.size() - std::min(cells.size(), kReadingsShown);
   cells.resize(cells.size() - more);

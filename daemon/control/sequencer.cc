@@ -303,7 +303,8 @@ void SequencerImpl::RunJob(const SessionJob& job) {
 Status SequencerImpl::RunInActivity(const SessionJob& job, Times& times) {
   times.start = clock_.Now();
   times.wall_start = HostClock::now();
-  clock_.Change([&] { run_started_ = times.start; });
+  // (Zero is "not yet": a simulation begins there.)
+  clock_.Change([&] { run_started_ = std::max(times.start, RigTime(1)); });
   Status status;
   {
     RigClock::Activity activity(clock_, Pace::kFree);

@@ -18,6 +18,12 @@ namespace {
 using HostClock = std::chrono::steady_clock;
 constexpr int kSendTimeoutMs = 5000;
 
+pid_t PeerProcess(int fd) {
+  ucred peer{};
+  socklen_t size = sizeof(peer);
+  return ::getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 ? peer.pid : 0;
+}
+
 }  // namespace
 
 struct SimServer::Client {
@@ -136,7 +142,7 @@ void SimServer::Serve(Client& client, Envelope message) {
       ByteReader in(message.payload);
       const auto version = in.Get<uint16_t>();
       const auto role = in.Get<uint8_t>();
-      const bool taken = std::any_of(clients_.begin(), clients_.end(), [&](const auto& other) {
+      const auto owner = std::find_if(clients_.begin(), clients_.end(), [&](const auto& other) {
         return other.get() != &client && !other->gone && other->greeted &&
                other->role == Role::kRig;
       });
@@ -145,8 +151,9 @@ void SimServer::Serve(Client& client, Envelope message) {
                                                 kProtocolVersion, version));
       }
       client.role = static_cast<Role>(role);
-      if (client.role == Role::kRig && taken) {
-        return Reply(client, 0, FailedPrecondition("another daemon drives this simulator"));
+      if (client.role == Role::kRig && owner != clients_.end()) {
+        return Reply(client, 0, FailedPrecondition("another daemon drives this simulator (process {})",
+                                                   PeerProcess((*owner)->fd.get())));
       }
       client.greeted = true;
       if (client.role == Role::kRig) {
