@@ -2,7 +2,6 @@
 
 #include <atomic>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <thread>
 
 #include "daemon/service/audit_log.h"
@@ -20,8 +19,8 @@ using Kind = SequencerEvent::Kind;
 
 constexpr size_t kMaxViolations = 20;
 
-// Reads all frames of a session while it grows, each once; forgets itself now and then and goes on
-// from its cursors.
+// Reads all frames of a session while it grows, each once. Its reader dies now and then; the next
+// one, another thread, has nothing but the cursors.
 class SoakConsumer {
  public:
   SoakConsumer(std::shared_ptr<Session> session, int cameras, uint32_t seed)
@@ -39,12 +38,16 @@ class SoakConsumer {
 
  private:
   void Run() {
-    std::optional<std::thread> life;
-    for (;;) {
+    while (!done_) {
+      const uint32_t rounds = 1 + random_() % 32;
+      std::thread([this, rounds] { Read(rounds); }).join();
+      if (!done_) ++restarts;
+    }
+  }
+  void Read(uint32_t rounds) {
+    for (uint32_t i = 0; i < rounds && !done_; ++i) {
       const bool last = ended_;  // looked at before the frames
-      const bool more = ReadRound();
-      if (last && !more) return;
-      if (random_() % 16 == 0) ++restarts;  // nothing but the cursors stays
+      done_ = !ReadRound() && last;
     }
   }
   // One frame of each camera; false: there was none.
@@ -71,6 +74,7 @@ class SoakConsumer {
   std::vector<uint64_t> cursors_;
   std::mt19937 random_;
   std::atomic<bool> ended_{false};
+  bool done_ = false;  // of one reader at a time
   std::thread thread_;
 };
 
