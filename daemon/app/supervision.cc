@@ -2,6 +2,7 @@
 
 #include <fmt/ranges.h>
 
+#include "daemon/safety/safety.h"
 #include "protocol/base/file_writer.h"
 #include "protocol/base/process_figures.h"
 #include "protocol/base/program.h"
