@@ -113,7 +113,8 @@ void AddReadings(const v1::StatusReply& status, Screen& screen) {
     if (reading.name() == "estop" || reading.name() == "door") continue;
     const std::string unit = reading.unit() == "1" ? "" : " " + reading.unit();
     cells.push_back(fmt::format("{:.9} {:.3f}{} {}", reading.name(), reading.value(), unit,
-                                ShortAge(reading.age_s())));
+                                ShortAge(reading.age_s())) +
+                    (reading.source() == v1::COMMANDED ? " c" : ""));
   }
   const size_t more = cells.size() - std::min(cells.size(), kReadingsShown);
   cells.resize(cells.size() - more);
@@ -126,6 +127,10 @@ void AddReadings(const v1::StatusReply& status, Screen& screen) {
     screen.Add(i == 0 ? "readings" : "", std::move(line));
   }
   if (more > 0) screen.Add("", fmt::format("and {} more: --json", more));
+  const bool commanded = std::any_of(
+      status.readings().begin(), status.readings().end(),
+      [](const v1::Reading& reading) { return reading.source() == v1::COMMANDED; });
+  if (commanded) screen.Add("", "c: as commanded, not read back");
 }
 
 }  // namespace
@@ -139,6 +144,9 @@ std::string StatusScreen(const v1::HelloReply& hello, const v1::StatusReply& sta
   screen.Add("state", fmt::format("{}{}{}", StateName(status.state()),
                                   status.message().empty() ? "" : ": ", status.message()));
   screen.Add("chain", ChainText(status));
+  screen.Add("lease", LeaseText(status.lease()) +
+                          (status.manual().empty() ? "" : "; by hand: " + status.manual()));
+  if (!status.audit_trouble().empty()) screen.Add("audit", status.audit_trouble());
   if (status.has_prompt()) screen.Add("asks", PromptText(status.prompt()));
   AddSession(status, screen);
   AddDisk(status, screen);

@@ -177,6 +177,13 @@ void Supervision::Reload(const Settings& wanted) {
 std::vector<Sample> Supervision::Samples() {
   std::vector<Sample> samples = SamplesOf(service_.Status(), rig_.name);
   samples.push_back({"mesorig_rig_connected", {}, devices_.health().ok() ? 1.0 : 0.0});
+  if (Safety* safety = devices_.sequencer().safety()) {
+    const SafetyState state = safety->state();
+    samples.push_back({"mesorig_safety_may_energise", {}, state.may_energise ? 1.0 : 0.0});
+    samples.push_back({"mesorig_safety_tripped", {}, state.tripped ? 1.0 : 0.0});
+    samples.push_back({"mesorig_safety_trips_total", {}, static_cast<double>(state.trips)});
+    samples.push_back({"mesorig_safety_stops_total", {}, static_cast<double>(state.stops)});
+  }
   for (const Watchdog::Silence& source : watchdog_.Silences()) {
     samples.push_back({"mesorig_watchdog_silent_seconds",
                        {{"source", source.name}},

@@ -45,6 +45,13 @@ const std::map<std::string, Family, std::less<>>& Families() {
       {"mesorig_consumer_streams", {"open streams of frames, by peer", kGauge}},
       {"mesorig_reading", {"what was last read back from the rig", kGauge}},
       {"mesorig_reading_age_seconds", {"rig time since it was read back", kGauge}},
+      {"mesorig_lease_held", {"1 for the kind of lease in force: manual, run", kGauge}},
+      {"mesorig_audit_sequence", {"of the audit log's last entry", kGauge}},
+      {"mesorig_audit_refuses", {"1 while nothing can be recorded", kGauge}},
+      {"mesorig_safety_may_energise", {"1 when light and torque are permitted", kGauge}},
+      {"mesorig_safety_tripped", {"1 while a trip is latched", kGauge}},
+      {"mesorig_safety_trips_total", {"since the daemon began", kCounter}},
+      {"mesorig_safety_stops_total", {"by people, since the daemon began", kCounter}},
       {"mesorig_rig_connected", {"0 when the rig is gone", kGauge}},
       {"mesorig_watchdog_silent_seconds", {"host time that a part owes a sign of life", kGauge}},
       {"mesorig_notifications_total", {"by channel and outcome", kCounter}},
@@ -149,6 +156,13 @@ std::vector<Sample> SamplesOf(const v1::StatusReply& status, const std::string& 
   add("mesorig_disk_refuses", !status.storage().empty());
   add("mesorig_waiting_for_operator", status.has_prompt());
   add("mesorig_event_sequence", status.event_sequence());
+  samples.push_back({"mesorig_lease_held",
+                     {{"kind", "manual"}},
+                     status.lease().kind() == v1::LEASE_MANUAL ? 1.0 : 0.0});
+  samples.push_back(
+      {"mesorig_lease_held", {{"kind", "run"}}, status.lease().kind() == v1::LEASE_RUN ? 1.0 : 0.0});
+  add("mesorig_audit_sequence", status.audit_sequence());
+  add("mesorig_audit_refuses", !status.audit_trouble().empty());
   for (const v1::Consumer& consumer : status.consumers()) {
     samples.push_back({"mesorig_consumer_streams",
                        {{"peer", consumer.peer()}},
