@@ -95,7 +95,7 @@ Status Supervise(const Signals& signals, const SimulatedRig& rig, DaemonService&
     if (signal == SIGHUP) Reload(supervision, manager, reread);
     if (signal == SIGTERM || signal == SIGINT) {
       Log("program").info("{}: ending", signal == SIGTERM ? "SIGTERM" : "SIGINT");
-      return fault;
+      return fault.ok() ? rig.health() : fault;
     }
     if (!fault.ok()) continue;
     fault = rig.health();

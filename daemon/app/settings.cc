@@ -35,9 +35,12 @@ void ReadNotify(TomlTable table, NotifierOptions& notify) {
   notify.webhook = table.StringOr("webhook", notify.webhook);
   if (table.Has("headers")) notify.headers = table.Strings("headers");
   if (table.Has("on")) notify.on = table.Strings("on");
-  const double limit_s = table.NumberOr(
-      "timeout_s", static_cast<double>(notify.limit.count()) / 1e3, {0.1, 300});
-  notify.limit = std::chrono::milliseconds(std::llround(limit_s * 1e3));
+  constexpr Range kLimit{0.1, 300};
+  const double limit_s =
+      table.NumberOr("timeout_s", static_cast<double>(notify.limit.count()) / 1e3, kLimit);
+  if (limit_s >= kLimit.low && limit_s <= kLimit.high) {  // (else it was said above, with its line)
+    notify.limit = std::chrono::milliseconds(std::llround(limit_s * 1e3));
+  }
   if (const Status status = CheckNotifier(notify); !status.ok()) table.Error("", Message(status));
 }
 

@@ -28,8 +28,10 @@ ChildCommand CurlCommand(const NotifierOptions& options, const std::string& json
   ChildCommand command;
   command.argv = {options.curl, "--config", "-"};
   command.input = fmt::format(
-      "url = {}\nrequest = \"POST\"\ndata-binary = {}\nheader = \"Content-Type: application/json\"\n"
-      "silent\nshow-error\nfail\noutput = \"/dev/null\"\nproto = \"=http,https\"\nmax-time = {:.1f}\n",
+      "url = {}\nrequest = \"POST\"\ndata-binary = {}\nheader = \"Content-Type: "
+      "application/json\"\n"
+      "silent\nshow-error\nfail\noutput = \"/dev/null\"\nproto = \"=http,https\"\nmax-time = "
+      "{:.1f}\n",
       Quoted(options.webhook), Quoted(json), static_cast<double>(options.limit.count()) / 1e3);
   for (const std::string& header : options.headers) {
     command.input += fmt::format("header = {}\n", Quoted(header));
@@ -39,9 +41,8 @@ ChildCommand CurlCommand(const NotifierOptions& options, const std::string& json
 }
 
 bool HasControl(std::string_view text) {
-  return std::any_of(text.begin(), text.end(), [](char c) {
-    return static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
-  });
+  return std::any_of(text.begin(), text.end(),
+                     [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
 }
 
 // An environment variable has no zeros, and a terminal no control characters.
@@ -126,13 +127,17 @@ Notifier::~Notifier() {
 
 void Notifier::Loop() {
   while (!ending_) {
-    const std::vector<v1::Event> events = events_.Read(cursor_, kLook);
+    const std::vector<v1::Event> events = events_.Read(cursor_, events_.life(), kLook);
     if (events.empty() && events_.closed()) break;
     for (const v1::Event& event : events) {
       cursor_ = event.sequence();
+      if (event.has_gap()) {
+        Log("notify").warn("{}: events {} to {} came faster than they could be told",
+                           Name(channel_), event.gap().first(), event.gap().last());
+      }
       const Notification notification = NotificationOf(event);
-      const bool wanted = std::find(options_.on.begin(), options_.on.end(), notification.kind) !=
-                          options_.on.end();
+      const bool wanted =
+          std::find(options_.on.begin(), options_.on.end(), notification.kind) != options_.on.end();
       if (wanted && !ending_) Tell(notification, event.sequence());
     }
   }

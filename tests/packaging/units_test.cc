@@ -72,8 +72,8 @@ TEST_P(Units, AreValid) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Packaging, Units, ::testing::Values("mesorigd", "mesorig-processd"),
-                         [](const auto& info) {
-                           std::string name = info.param;
+                         [](const auto& unit) {
+                           std::string name = unit.param;
                            std::erase(name, '-');
                            return name;
                          });

@@ -192,7 +192,7 @@ class Soak {
   // True: complete.
   bool RunOnce(SequencerCommand how, const std::shared_ptr<Session>& session, bool resumed) {
     rig_.Forget();
-    SoakConsumer consumer(session, static_cast<int>(rig_.rig().cameras.size()), random_());
+    SoakConsumer consumer(session, static_cast<int>(rig_.rig().cameras.size()), static_cast<uint32_t>(random_()));
     SessionJob job;
     job.plan = plan_;
     job.session = session;
@@ -223,7 +223,7 @@ class Soak {
 
   // What people do while a session runs.
   void Meddle() {
-    const uint32_t what = random_() % 100;
+    const auto what = static_cast<uint32_t>(random_() % 100);
     if (what >= 30) return;
     if (!rig_.Await(what % 2 == 0 ? Kind::kStarted : Kind::kProgress, 1)) return;
     Sequencer& sequencer = rig_.sequencer();
