@@ -4,8 +4,8 @@
 // manual control) does so through axes(), lamps() and gate(), which refuse while it says no, and
 // hears of a trip or a stop by its StopFlag. Rules, limits and measured times: docs/safety.md.
 //
-// Two threads. The watch is a rig thread: every kPoll_s of rig time it reads chain, contactor,
-// laser and axes, every kLampPoll_s lamps and their temperatures; edges of lines wake it at once.
+// Two threads. The watch is a rig thread: every kPoll_s of rig time (kCalmPoll_s while nothing
+// is energised) it reads chain, contactor, laser and axes, every kLampPoll_s lamps and their temperatures; edges of lines wake it at once.
 // The stop thread lives on the host clock: it carries out StopNow, and finds a member of the rig
 // clock that hangs while the rig is energised. Neither takes a lock but the clock's (held for
 // moments by anybody) and their own; neither touches disk, database or clients.
@@ -75,7 +75,7 @@ struct SafetyOptions {
 // Thread-safe. Borrows everything.
 class Safety {
  public:
-  static constexpr double kPoll_s = 0.1, kLampPoll_s = 1;
+  static constexpr double kPoll_s = 0.1, kCalmPoll_s = 0.5, kLampPoll_s = 1;
   // Whoever has energised the rig and is not heard of for so long hangs. Each call of axes(),
   // lamps() and gate() is heard; one that waits, until its deadline.
   static constexpr double kAlive_s = 10;  // rig time, beside the rig's settling and exposure times

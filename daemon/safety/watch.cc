@@ -29,10 +29,10 @@ int LitUnasked(const std::vector<double>& levels, int asked) {
 }  // namespace
 
 void Safety::Watch() {
-  const RigTime period = FromSeconds(kPoll_s);
   RigTime due = clock_.Now();
+  bool calm = false;  // nothing was energised
   for (;;) {
-    clock_.WaitUntil(due, [&] { return ending_ || act_; });
+    clock_.WaitUntil(due, [&] { return ending_ || act_ || (calm && EnergisedInsideChange()); });
     bool ending = false;
     uint64_t wanted = 0;
     clock_.Change([&] {
@@ -43,7 +43,10 @@ void Safety::Watch() {
     if (ending) return;
     Poll(wanted != polls_done_);
     bool off = false;
-    clock_.Read([&] { off = outputs_.de_energise; });
+    clock_.Read([&] {
+      off = outputs_.de_energise;
+      calm = !EnergisedInsideChange();
+    });
     if (off) (void)DeEnergise();
     TellTrips();
     polls_done_ = wanted;
@@ -53,6 +56,7 @@ void Safety::Watch() {
     }
     const RigTime now = clock_.Now();
     hours_.Tick(now);
+    const RigTime period = FromSeconds(calm ? kCalmPoll_s : kPoll_s);
     due = now - now % period + kPhase;
     if (due <= now) due += period;
   }

@@ -53,6 +53,7 @@ inline Step ShotStep(uint32_t shot, double exposure_s, std::vector<int> cameras)
 inline CompiledPlan SmallPlan(const Rig& rig) {
   CompiledPlan plan;
   plan.name = "small";
+  plan.product = {8, 8, 1, 0};
   plan.rig_sha256 = rig.sha256;
   plan.steps = {
       MoveStep(30, -20),         LampStep(0),      ShotStep(0, 0.02, {0, 1}), LampStep(1),

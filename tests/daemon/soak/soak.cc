@@ -46,7 +46,8 @@ class SoakConsumer {
   }
   void Read(uint32_t rounds) {
     for (uint32_t i = 0; i < rounds && !done_; ++i) {
-      const bool last = ended_;  // looked at before the frames
+      // (Looked at before the frames.)
+      const bool last = ended_ || session_->Summary().end != SessionEnd::kOpen;
       done_ = !ReadRound() && last;
     }
   }
