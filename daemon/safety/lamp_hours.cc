@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::string_view kHeader = "lamp\thours";
 constexpr double kMostHours = 1e7;
+using HostClock = std::chrono::steady_clock;
 
 double Sum(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0);
@@ -23,9 +24,9 @@ LampHours::LampHours(const Rig& rig) : rig_(rig), hours_(rig.lamps.size()) {}
 
 LampHours::~LampHours() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     ending_ = true;
-    wake_.notify_all();
+    wake_.NotifyAll();
   }
   if (thread_.joinable()) thread_.join();
 }
@@ -34,7 +35,7 @@ Status LampHours::Keep(const std::filesystem::path& file) {
   if (thread_.joinable()) return FailedPrecondition("lamp-hours are kept in {}", file_.string());
   if (std::filesystem::exists(file)) {
     MESORIG_ASSIGN_OR_RETURN(Stored stored, Read(file));
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     // (What has burnt already is not in the file.)
     written_h_ = Sum(stored.hours);
     for (size_t i = 0; i < hours_.size(); ++i) hours_[i] += stored.hours[i];
@@ -49,7 +50,7 @@ Status LampHours::Keep(const std::filesystem::path& file) {
 
 StatusOr<LampHours::Stored> LampHours::Read(const std::filesystem::path& file) const {
   MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(file, 1u << 20));
-  Stored stored{std::vector<double>(hours_.size()), {}};
+  Stored stored{std::vector<double>(rig_.lamps.size()), {}};
   std::set<std::string> seen;
   int number = 0;
   for (size_t at = 0; at < text.size();) {
@@ -102,27 +103,27 @@ double LampHours::UnwrittenLocked() const {
 }
 
 double LampHours::Unwritten_s() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return UnwrittenLocked();
 }
 
 void LampHours::Burn(int lamp, RigTime now) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   hours_ = HoursLocked(now);
   burning_ = lamp;
   since_ = latest_ = now;
 }
 
 void LampHours::Tick(RigTime now) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   latest_ = std::max(latest_, now);
   if (due_ || UnwrittenLocked() < Seconds(kWrite)) return;
   due_ = true;
-  wake_.notify_all();
+  wake_.NotifyAll();
 }
 
 std::vector<double> LampHours::Hours(RigTime now) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return HoursLocked(now);
 }
 
@@ -138,26 +139,38 @@ std::vector<std::string> LampHours::Overdue(RigTime now) const {
   return overdue;
 }
 
+std::string LampHours::TextLocked(const std::vector<double>& hours) const {
+  std::string text = std::string(kHeader) + "\n";
+  for (size_t i = 0; i < hours.size(); ++i) {
+    text += fmt::format("{}\t{:.6f}\n", rig_.lamps[i].name, hours[i]);
+  }
+  for (const std::string& other : others_) text += other + "\n";
+  return text;
+}
+
 void LampHours::WriteLoop() {
-  std::unique_lock lock(mutex_);
+  Status written;
   for (bool last = false; !last;) {
-    wake_.wait_for(lock, kWriteHost, [&] { return ending_ || due_; });
-    last = ending_;
-    const std::vector<double> hours = HoursLocked(latest_);
-    due_ = false;
-    if (!(Sum(hours) > written_h_)) continue;
-    std::string text = std::string(kHeader) + "\n";
-    for (size_t i = 0; i < hours.size(); ++i) {
-      text += fmt::format("{}\t{:.6f}\n", rig_.lamps[i].name, hours[i]);
+    std::string text;
+    double hours_h = 0;
+    {
+      const MutexLock lock(mutex_);
+      // (A disk that takes nothing is tried again after a pause, whatever is due.)
+      const auto until = HostClock::now() + kWriteHost;
+      while (!ending_ && (!due_ || !written.ok()) && HostClock::now() < until) {
+        wake_.WaitFor(mutex_, until - HostClock::now());
+      }
+      last = ending_;
+      due_ = false;
+      const std::vector<double> hours = HoursLocked(latest_);
+      hours_h = Sum(hours);
+      if (hours_h > written_h_) text = TextLocked(hours);
     }
-    for (const std::string& other : others_) text += other + "\n";
-    lock.unlock();
-    const Status written = WriteFileAtomically(file_, text);
+    if (text.empty()) continue;
+    written = WriteFileAtomically(file_, text);
     if (!written.ok()) Log("safety").error("lamp-hours: {}", Message(written));
-    lock.lock();
-    if (written.ok()) written_h_ = Sum(hours);
-    // (A disk that takes nothing is tried again at the next pause.)
-    if (!written.ok() && !ending_) wake_.wait_for(lock, kWriteHost, [&] { return ending_; });
+    const MutexLock lock(mutex_);
+    if (written.ok()) written_h_ = hours_h;
   }
 }
 

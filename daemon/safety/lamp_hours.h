@@ -4,14 +4,13 @@
 // while the daemon is down.
 
 #include <chrono>
-#include <condition_variable>
 #include <filesystem>
-#include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "protocol/base/clocks.h"
+#include "protocol/base/mutex.h"
 #include "protocol/base/status.h"
 #include "protocol/rig/rig.h"
 
@@ -50,19 +49,21 @@ class LampHours {
   };
   StatusOr<Stored> Read(const std::filesystem::path& file) const;
   void WriteLoop();
-  std::vector<double> HoursLocked(RigTime now) const;
-  double UnwrittenLocked() const;  // s, as far as Tick and Burn told
+  std::string TextLocked(const std::vector<double>& hours) const REQUIRES(mutex_);
+  std::vector<double> HoursLocked(RigTime now) const REQUIRES(mutex_);
+  double UnwrittenLocked() const REQUIRES(mutex_);  // s, as far as Tick and Burn told
 
   const Rig& rig_;
-  mutable std::mutex mutex_;
-  std::condition_variable wake_;
-  std::vector<double> hours_;
-  int burning_ = -1;
-  RigTime since_{}, latest_{};  // of the lamp that burns; the last Tick or Burn
-  double written_h_ = 0;        // of all lamps together, in the file
-  bool due_ = false, ending_ = false;
+  mutable Mutex mutex_;
+  CondVar wake_;
+  std::vector<double> hours_ GUARDED_BY(mutex_);
+  int burning_ GUARDED_BY(mutex_) = -1;
+  RigTime since_ GUARDED_BY(mutex_){};   // of the lamp that burns
+  RigTime latest_ GUARDED_BY(mutex_){};  // the last Tick or Burn
+  double written_h_ GUARDED_BY(mutex_) = 0;  // of all lamps together, in the file
+  bool due_ GUARDED_BY(mutex_) = false, ending_ GUARDED_BY(mutex_) = false;
   std::filesystem::path file_;
-  std::vector<std::string> others_;  // lines of lamps that this rig has not
+  std::vector<std::string> others_ GUARDED_BY(mutex_);  // lines of lamps that this rig has not
   std::thread thread_;
 };
 

@@ -3,16 +3,17 @@
 
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "protocol/base/mutex.h"
+
 namespace mesorig::daemon {
 
 struct SafetyListener {
-  std::mutex mutex;  // held while it is called
-  std::function<void(std::string_view why)> hear;
+  Mutex mutex;  // held while it is called
+  std::function<void(std::string_view why)> hear GUARDED_BY(mutex);
 };
 
 // Whoever holds it is called. Its destructor waits for a call that is under way (so that it must not
@@ -24,7 +25,7 @@ class [[nodiscard]] Listening {
       : listener_(std::move(listener)) {}
   ~Listening() {
     if (listener_ == nullptr) return;
-    const std::lock_guard lock(listener_->mutex);
+    const MutexLock lock(listener_->mutex);
     listener_->hear = nullptr;
   }
   Listening(Listening&&) = default;
@@ -42,8 +43,11 @@ class SafetyListeners {
  public:
   Listening Add(std::function<void(std::string_view why)> hear) {
     auto listener = std::make_shared<SafetyListener>();
-    listener->hear = std::move(hear);
-    const std::lock_guard lock(mutex_);
+    {
+      const MutexLock lock(listener->mutex);
+      listener->hear = std::move(hear);
+    }
+    const MutexLock lock(mutex_);
     std::erase_if(all_, [](const auto& each) { return each.expired(); });
     all_.push_back(listener);
     return Listening(std::move(listener));
@@ -52,20 +56,20 @@ class SafetyListeners {
   void Tell(std::string_view why) {
     std::vector<std::weak_ptr<SafetyListener>> all;
     {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       all = all_;
     }
     for (const auto& each : all) {
       const std::shared_ptr<SafetyListener> listener = each.lock();
       if (listener == nullptr) continue;
-      const std::lock_guard lock(listener->mutex);
+      const MutexLock lock(listener->mutex);
       if (listener->hear) listener->hear(why);
     }
   }
 
  private:
-  std::mutex mutex_;
-  std::vector<std::weak_ptr<SafetyListener>> all_;
+  Mutex mutex_;
+  std::vector<std::weak_ptr<SafetyListener>> all_ GUARDED_BY(mutex_);
 };
 
 }  // namespace mesorig::daemon
