@@ -11,6 +11,7 @@
 #include "client/cli/text.h"
 #include "client/connection/daemon_client.h"
 #include "protocol/base/runtime_dir.h"
+#include "protocol/wire/stop_line.h"
 
 namespace mesorig::client {
 namespace {
@@ -108,13 +109,23 @@ Command AddWatchCommand(CLI::App& app, Common& common) {
           [&common] { return WatchEvents(common); }};
 }
 
+// By the daemon's own channel for it; over the network, and where there is none, as any call.
+Status StopRig(const Common& common, const std::string& reason) {
+  if (common.connect.empty()) {
+    const Status off = wire::SayStop(wire::StopSocket(common.runtime_dir), reason);
+    if (!off.ok() && !absl::IsNotFound(off)) return off;
+    if (off.ok() && !common.json) return off;
+  }
+  return Order(common, [&](DaemonClient& daemon) { return daemon.Stop(reason); });
+}
+
 Command AddStopCommand(CLI::App& app, Common& common) {
   auto words = std::make_shared<std::vector<std::string>>();
   CLI::App* stop =
       app.add_subcommand("stop", "Lamps off and axes stopped, now; the session ends incomplete");
   stop->add_option("reason", *words, "Why, for the journal");
   return {stop, [words, &common] {
-            return Order(common, [&](DaemonClient& daemon) { return daemon.Stop(Joined(*words)); });
+            return StopRig(common, Joined(*words));
           }};
 }
 

@@ -11,11 +11,13 @@
 #include "daemon/app/supervision.h"
 #include "daemon/service/access.h"
 #include "daemon/service/daemon_service.h"
+#include "daemon/service/stop_door.h"
 #include "protocol/base/log.h"
 #include "protocol/base/runtime_dir.h"
 #include "protocol/wire/channel.h"
 #include "protocol/wire/health.h"
 #include "protocol/wire/server.h"
+#include "protocol/wire/stop_line.h"
 
 namespace mesorig::daemon {
 namespace {
@@ -84,6 +86,27 @@ void Reload(Supervision& supervision, const ServiceManager& manager,
   (void)manager.Ready("reloaded");
 }
 
+// Stop comes in by a door of its own, too (wire/stop_line.h).
+StatusOr<std::unique_ptr<StopDoor>> OpenStopDoor(const Settings& settings, Sequencer& sequencer,
+                                                 AuditLog& audit) {
+  StopDoorOptions options;
+  for (const auto& [role, group] : settings.access.groups) options.groups.push_back(group);
+  return StopDoor::Open(
+      wire::StopSocket(settings.runtime_dir), std::move(options),
+      [&](const std::vector<StopDoor::Order>& orders) {
+        const StopDoor::Order& first = orders.front();
+        const Status off = sequencer.Stop(first.reason.empty() ? "stopped by " + first.who
+                                                               : "stopped: " + first.reason);
+        for (const StopDoor::Order& order : orders) {
+          Log("service").info("stop by {}: {}", order.who, order.reason);
+          audit.RecordLater({{Role::kObserver, order.who, "stop socket", ""},
+                             "Control/Stop", order.reason,
+                             off.ok() ? "OK" : std::string(Message(off))});
+        }
+        return off;
+      });
+}
+
 // Until a signal comes that ends it. Returns the fault, if one came before.
 Status Supervise(const Signals& signals, const SimulatedRig& rig, DaemonService& service,
                  Supervision& supervision, const ServiceManager& manager,
@@ -131,6 +154,8 @@ Status Serve(const Settings& settings, const std::function<StatusOr<Settings>()>
   wire::EnableHealth();
   MESORIG_ASSIGN_OR_RETURN(const auto access,
                            Access::Create(access_options, endpoint, service->services()));
+  MESORIG_ASSIGN_OR_RETURN(
+      auto stop_door, OpenStopDoor(settings, rig->sequencer(), service->audit()));
   MESORIG_ASSIGN_OR_RETURN(auto supervision, Supervision::Start(settings, rig_description, *rig,
                                                                 *service, *access, manager));
   Log("program").info("rig {} ({}), sessions in {}, at {}{}", rig_description.name, settings.rig,
@@ -146,6 +171,7 @@ Status Serve(const Settings& settings, const std::function<StatusOr<Settings>()>
   EndAnyhow();
   rig->Hurry();
   StopPlan(*rig, "mesorigd was told to end");
+  stop_door.reset();
   service->BeginShutdown();
   access->Shutdown(std::chrono::system_clock::now() + kCallsEnd);
   supervision.reset();

@@ -42,10 +42,9 @@ StatusOr<std::unique_ptr<StopDoor>> StopDoor::Open(const std::filesystem::path& 
   door->groups_ = std::move(groups);
   // Several groups cannot own one file: everybody may knock, the kernel tells who it is.
   const mode_t mode = door->groups_.empty() ? 0600 : 0666;
-  MESORIG_RETURN_IF_ERROR(
-      door->listeners_.AddUnix(socket, mode, std::nullopt, [door = door.get()](auto&& connection) {
-        door->Take(std::move(connection));
-      }));
+  MESORIG_RETURN_IF_ERROR(door->listeners_.AddUnix(
+      socket, mode, std::nullopt,
+      [door = door.get()](auto&& connection) { door->Take(std::move(connection)); }));
   door->reader_ = std::thread([door = door.get()] { door->Read(); });
   door->stopper_ = std::thread([door = door.get()] { door->CarryOut(); });
   door->listeners_.Start();
@@ -160,7 +159,9 @@ void StopDoor::CarryOut() {
     std::vector<Order> orders;
     for (const Waiting& one : waiting) orders.push_back(one.order);
     const Status off = stop_(orders);
-    const std::string text = off.ok() ? "ok\n" : fmt::format("error {}\n", Message(off));
+    std::string text = off.ok() ? "ok" : fmt::format("error {}", Message(off));
+    std::replace(text.begin(), text.end(), '\n', ' ');
+    text += '\n';
     for (const Waiting& one : waiting) Answer(one.fd, text);
     lock.lock();
   }

@@ -1,7 +1,7 @@
 #pragma once
-// The daemon's own channel for stop (protocol/wire/stop_line.h): a socket and threads that belong to
-// nothing else, so that no lease, audit log, database, pool of calls or flood of them is in its way.
-// Who may watch may stop: the daemon's user, root, and the members of every group that opens a
+// The daemon's own channel for stop (protocol/wire/stop_line.h): a socket and threads that belong
+// to nothing else, so that no lease, audit log, database, pool of calls or flood of them is in its
+// way. Who may watch may stop: the daemon's user, root, and the members of every group that opens a
 // socket of a role.
 
 #include <sys/types.h>
@@ -67,8 +67,8 @@ class StopDoor {
   int wake_ = -1;  // eventfd
   std::mutex mutex_;
   std::condition_variable changed_;
-  bool ending_ = false;          // guarded by mutex_
-  std::vector<Guest> arrivals_;  // guarded by mutex_
+  bool ending_ = false;           // guarded by mutex_
+  std::vector<Guest> arrivals_;   // guarded by mutex_
   std::vector<Waiting> waiting_;  // guarded by mutex_
   std::thread reader_, stopper_;
   wire::Listeners listeners_;  // ends first

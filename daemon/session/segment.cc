@@ -65,15 +65,6 @@ StatusOr<size_t> ReadAt(int fd, const std::filesystem::path& path, uint64_t offs
 
 }  // namespace
 
-UniqueFd& UniqueFd::operator=(UniqueFd&& other) noexcept {
-  std::swap(fd_, other.fd_);
-  return *this;
-}
-
-UniqueFd::~UniqueFd() {
-  if (fd_ >= 0) ::close(fd_);
-}
-
 StatusOr<SegmentWriter> SegmentWriter::Open(const std::filesystem::path& path, int camera,
                                             std::string_view camera_name, uint64_t end,
                                             DiskFaults* faults) {

@@ -12,21 +12,9 @@
 #include "daemon/session/session.h"
 #include "protocol/base/disk_faults.h"
 #include "protocol/base/status.h"
+#include "protocol/base/unique_fd.h"
 
 namespace mesorig::daemon {
-
-// A file descriptor that closes itself.
-class UniqueFd {
- public:
-  explicit UniqueFd(int fd = -1) : fd_(fd) {}
-  UniqueFd(UniqueFd&& other) noexcept : fd_(other.fd_) { other.fd_ = -1; }
-  UniqueFd& operator=(UniqueFd&& other) noexcept;
-  ~UniqueFd();
-  int get() const { return fd_; }
-
- private:
-  int fd_ = -1;
-};
 
 inline constexpr uint32_t kSegmentVersion = 1;
 inline constexpr size_t kRecordHeaderBytes = 72;

@@ -12,6 +12,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "protocol/base/unique_fd.h"
+
 namespace mesorig {
 namespace {
 
@@ -19,19 +21,9 @@ using HostClock = std::chrono::steady_clock;
 constexpr size_t kMaxOutput = 4096;
 constexpr int kLookMs = 50;
 
-// Closed at the end.
-struct End {
-  int fd = -1;
-  ~End() { Close(); }
-  void Close() {
-    if (fd >= 0) ::close(fd);
-    fd = -1;
-  }
-};
-
 struct Pipes {
-  End input, output;              // ours
-  End child_input, child_output;  // the child's
+  UniqueFd input, output;              // ours
+  UniqueFd child_input, child_output;  // the child's
 };
 
 Status Open(Pipes& pipes) {
@@ -40,13 +32,13 @@ Status Open(Pipes& pipes) {
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, in) != 0) {
     return Unavailable("socketpair: {}", std::strerror(errno));
   }
-  pipes.input.fd = in[0];
-  pipes.child_input.fd = in[1];
+  pipes.input = UniqueFd(in[0]);
+  pipes.child_input = UniqueFd(in[1]);
   if (::pipe2(out, O_CLOEXEC) != 0) return Unavailable("pipe: {}", std::strerror(errno));
-  pipes.output.fd = out[0];
-  pipes.child_output.fd = out[1];
-  ::fcntl(pipes.input.fd, F_SETFL, O_NONBLOCK);
-  ::fcntl(pipes.output.fd, F_SETFL, O_NONBLOCK);
+  pipes.output = UniqueFd(out[0]);
+  pipes.child_output = UniqueFd(out[1]);
+  ::fcntl(pipes.input.get(), F_SETFL, O_NONBLOCK);
+  ::fcntl(pipes.output.get(), F_SETFL, O_NONBLOCK);
   return OkStatus();
 }
 
@@ -60,9 +52,9 @@ std::vector<char*> Pointers(std::vector<std::string>& texts) {
 StatusOr<pid_t> Spawn(const ChildCommand& command, const Pipes& pipes) {
   posix_spawn_file_actions_t files;
   ::posix_spawn_file_actions_init(&files);
-  ::posix_spawn_file_actions_adddup2(&files, pipes.child_input.fd, 0);
-  ::posix_spawn_file_actions_adddup2(&files, pipes.child_output.fd, 1);
-  ::posix_spawn_file_actions_adddup2(&files, pipes.child_output.fd, 2);
+  ::posix_spawn_file_actions_adddup2(&files, pipes.child_input.get(), 0);
+  ::posix_spawn_file_actions_adddup2(&files, pipes.child_output.get(), 1);
+  ::posix_spawn_file_actions_adddup2(&files, pipes.child_output.get(), 2);
   ::posix_spawn_file_actions_addclosefrom_np(&files, 3);
   posix_spawnattr_t attributes;
   ::posix_spawnattr_init(&attributes);
@@ -103,11 +95,11 @@ StatusOr<pid_t> Spawn(const ChildCommand& command, const Pipes& pipes) {
 // Writes what the child takes, reads what it says; at most kLookMs.
 void Exchange(Pipes& pipes, std::string_view& input, std::string& output) {
   if (input.empty()) pipes.input.Close();
-  pollfd fds[] = {{pipes.output.fd, POLLIN, 0}, {pipes.input.fd, POLLOUT, 0}};
+  pollfd fds[] = {{pipes.output.get(), POLLIN, 0}, {pipes.input.get(), POLLOUT, 0}};
   ::poll(fds, 2, kLookMs);
   if (fds[0].revents != 0) {
     char buffer[4096];
-    const ssize_t n = ::read(pipes.output.fd, buffer, sizeof(buffer));
+    const ssize_t n = ::read(pipes.output.get(), buffer, sizeof(buffer));
     if (n > 0) {
       const size_t room = kMaxOutput - std::min(kMaxOutput, output.size());
       output.append(buffer, std::min(room, static_cast<size_t>(n)));
@@ -116,7 +108,7 @@ void Exchange(Pipes& pipes, std::string_view& input, std::string& output) {
     }
   }
   if (fds[1].revents != 0) {
-    const ssize_t n = ::send(pipes.input.fd, input.data(), input.size(), MSG_NOSIGNAL);
+    const ssize_t n = ::send(pipes.input.get(), input.data(), input.size(), MSG_NOSIGNAL);
     if (n > 0) {
       input.remove_prefix(static_cast<size_t>(n));
     } else if (errno != EAGAIN) {
@@ -150,7 +142,7 @@ StatusOr<ChildOutcome> RunChild(const ChildCommand& command, const std::atomic<b
     int status = 0;
     // What it left running keeps the pipe open: its own end counts.
     if (::waitpid(pid, &status, WNOHANG) == pid) {
-      if (pipes.output.fd >= 0) Exchange(pipes, input, outcome.output);
+      if (pipes.output.get() >= 0) Exchange(pipes, input, outcome.output);
       outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
       return outcome;
     }

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <thread>
 
 #include "protocol/base/unique_fd.h"
 
@@ -17,6 +18,7 @@ namespace {
 
 using HostClock = std::chrono::steady_clock;
 constexpr std::string_view kStop = "stop", kOk = "ok\n", kError = "error ";
+constexpr std::chrono::milliseconds kBetweenTries{5};
 
 // Waits until `fd` can do `events`; false after the deadline.
 bool Await(int fd, short events, HostClock::time_point deadline) {
@@ -30,7 +32,7 @@ bool Await(int fd, short events, HostClock::time_point deadline) {
   }
 }
 
-StatusOr<UniqueFd> Dial(const std::filesystem::path& path) {
+StatusOr<UniqueFd> Dial(const std::filesystem::path& path, HostClock::time_point deadline) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (path.string().size() >= sizeof(address.sun_path)) {
@@ -39,10 +41,13 @@ StatusOr<UniqueFd> Dial(const std::filesystem::path& path) {
   }
   std::memcpy(address.sun_path, path.c_str(), path.string().size());
   UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  if (::connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
-    const bool gone = errno == ENOENT || errno == ECONNREFUSED;
+  while (::connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
     const std::string why = fmt::format("{}: {}", path.string(), std::strerror(errno));
-    return gone ? NotFound("{}", why) : Unavailable("{}", why);
+    if (errno == ENOENT || errno == ECONNREFUSED) return NotFound("{}", why);
+    // (EAGAIN: others come faster than they are let in.)
+    const bool again = errno == EAGAIN || errno == EINTR;
+    if (!again || HostClock::now() > deadline) return Unavailable("{}", why);
+    std::this_thread::sleep_for(kBetweenTries);
   }
   return fd;
 }
@@ -57,8 +62,9 @@ std::string StopLine(std::string_view reason) {
   std::string line(kStop);
   if (!reason.empty()) line += ' ';
   line += reason.substr(0, kMaxStopLine - line.size() - 1);
-  std::replace_if(line.begin(), line.end(),
-                  [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }, ' ');
+  std::replace_if(
+      line.begin(), line.end(),
+      [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }, ' ');
   return line + '\n';
 }
 
@@ -68,15 +74,16 @@ StatusOr<std::string> ReadStopLine(std::string_view line) {
     return InvalidArgument("{} bytes are no \"stop REASON\"", line.size());
   }
   std::string reason(line.substr(std::min(line.size(), kStop.size() + 1)));
-  std::replace_if(reason.begin(), reason.end(),
-                  [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }, ' ');
+  std::replace_if(
+      reason.begin(), reason.end(),
+      [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }, ' ');
   return reason;
 }
 
 Status SayStop(const std::filesystem::path& socket, std::string_view reason,
                std::chrono::milliseconds patience) {
   const auto deadline = HostClock::now() + patience;
-  MESORIG_ASSIGN_OR_RETURN(const UniqueFd fd, Dial(socket));
+  MESORIG_ASSIGN_OR_RETURN(const UniqueFd fd, Dial(socket, deadline));
   const std::string line = StopLine(reason);
   // (A line this short goes whole into an empty buffer.)
   if (::send(fd.get(), line.data(), line.size(), MSG_NOSIGNAL) !=

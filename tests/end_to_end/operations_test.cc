@@ -13,6 +13,7 @@
 #include <cstring>
 
 #include "protocol/base/child_process.h"
+#include "protocol/wire/stop_line.h"
 #include "tests/end_to_end/running_rig.h"
 
 namespace mesorig::test {
@@ -156,6 +157,18 @@ TEST_F(OperationsTest, TheBundleHoldsNoSecret) {
               Not(HasSubstr("0\n")));
   EXPECT_THAT(Shell(fmt::format("du -s --block-size=1M {}/help", folder)), HasSubstr("1\t"))
       << "no pixels";
+}
+
+TEST_F(OperationsTest, StopHasASocketOfItsOwn) {
+  ASSERT_EQ(rig_.Mesorig({"arm", kTiny + "tiny_plan.toml"}).code, 0);
+  const auto socket = wire::StopSocket(rig_.folder().path());
+  EXPECT_EQ(wire::SayStop(socket, "smoke"), OkStatus());
+  EXPECT_TRUE(Await([&] { return rig_.Mesorig({"status", "--idle"}).code == 0; })) << rig_.Logs();
+  EXPECT_THAT(rig_.daemon().Log(), HasSubstr("smoke"));
+  EXPECT_EQ(rig_.daemon().End(SIGTERM), 0);
+  const std::string audit = ReadFile(rig_.folder() / "state" / "audit.jsonl").value_or("");
+  EXPECT_THAT(audit, HasSubstr("stop socket"));
+  EXPECT_TRUE(absl::IsNotFound(wire::SayStop(socket, "late")));
 }
 
 TEST_F(OperationsTest, ASecondDaemonIsToldWhoHasTheRig) {
