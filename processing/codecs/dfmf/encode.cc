@@ -73,7 +73,7 @@ class DfmfEncoder final : public Encoder {
         options.terms == kAllTerms ? terms : std::max(1, terms / kTermsPerColour);
     EncodeOptions log = options;
     log.weighting = Weighting::kLog;
-    const double floor = WeightsFor(btf, log).floor;
+    const double floor = WideFloor(btf, options);
     btf::BtfFileInfo info = InfoOf(btf, name(), kVersion);
     std::vector<size_t> pairs;
     for (size_t pair = 0; pair < info.present.size(); ++pair) {

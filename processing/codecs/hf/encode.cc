@@ -17,9 +17,6 @@ using per_texel::kGrid;
 constexpr double kRidge = 1e-6;   // of the mean diagonal: factors of one product can trade constants
 constexpr double kSmooth = 0.02;  // of a half-vector node's mean weight: neighbours on the grid
 constexpr double kLargestLog = 40;
-// Of the usual floor, a hundredth of the RMS: shadows whose logarithm falls without end would take all
-// the factors' freedom (the demo's sample: an error of 0.54 with that, 0.40 with this).
-constexpr double kFloors = 25;
 
 // log(B + floor) = a(v) + c(l, channel) + b(h, channel): the normal equations of all texels.
 class LogFit {
@@ -97,24 +94,6 @@ class LogFit {
   std::vector<Row> rows_;
 };
 
-bool IsBlack(const btf::SampledBtf& btf) {
-  for (int v = 0; v < btf.header().view_count(); ++v) {
-    for (int l = 0; l < btf.header().light_count(); ++l) {
-      const auto image = btf.Image(v, l);
-      if (btf.Present(v, l) && std::any_of(image.begin(), image.end(), [](float x) { return x > 0; })) {
-        return false;
-      }
-    }
-  }
-  return true;
-}
-
-// Of what is black it is 1, whose logarithm 0 is stored exactly.
-double FloorOf(const btf::SampledBtf& btf, const EncodeOptions& log) {
-  if (log.floor > 0) return log.floor;
-  return IsBlack(btf) ? 1.0 : kFloors * WeightsFor(btf, log).floor;
-}
-
 class HfEncoder final : public Encoder {
  public:
   std::string_view name() const override { return "hf"; }
@@ -129,7 +108,7 @@ class HfEncoder final : public Encoder {
     }
     EncodeOptions log = options;
     log.weighting = Weighting::kLog;
-    const double floor = FloorOf(btf, log);
+    const double floor = WideFloor(btf, options);
     per_texel::ChainEncoding encoding;
     encoding.stages = {{Axis::kView, Axis::kLight, 1}, {Axis::kNone, Axis::kHalf, 1}};
     encoding.quantisation = QuantisationOf(options);

@@ -49,7 +49,7 @@ vec3 DecodeTexel(ivec2 size, int views, BtfTexel t, ivec3 v, ivec3 l, mat3 pairs
         }
       }
       if (decorrelated) {
-        float above = exp(min(value[0], 70.0)), y = above - floor_value;
+        float above = min(floor_value * exp(min(value[0], 70.0)), 1e30), y = above - floor_value;
         vec2 uv = clamp(value.yz, -1e6, 1e6) * above;
         value = vec3(y + uv.y, y - (0.299 * uv.y + 0.114 * uv.x) / 0.587, y + uv.x);
       } else if (floor_value > 0.0) value = exp(min(value, vec3(70.0))) - floor_value;

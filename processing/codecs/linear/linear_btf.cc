@@ -25,18 +25,19 @@ std::array<float, 3> Dot3(const float* g, const float* h, size_t stride) {
 constexpr float kLargestLog = 70;
 
 constexpr float kRed = 0.299f, kGreen = 0.587f, kBlue = 0.114f;
-constexpr float kLargestRatio = 1e6f;
+constexpr float kLargestRatio = 1e6f, kLargestLuma = 1e30f;
 
 }  // namespace
 
 std::array<float, 3> ToDecorrelated(const float* rgb, float floor) {
   const float y = kRed * rgb[0] + kGreen * rgb[1] + kBlue * rgb[2];
   const float above = std::max(y, 0.0f) + floor;
-  return {std::log(above), (rgb[2] - y) / above, (rgb[0] - y) / above};
+  return {std::log(above / floor), (rgb[2] - y) / above, (rgb[0] - y) / above};
 }
 
 std::array<float, 3> FromDecorrelated(const std::array<float, 3>& luv, float floor) {
-  const float above = std::exp(std::min(luv[0], kLargestLog)), y = above - floor;
+  const float above = std::min(floor * std::exp(std::min(luv[0], kLargestLog)), kLargestLuma);
+  const float y = above - floor;
   const float u = std::clamp(luv[1], -kLargestRatio, kLargestRatio) * above;
   const float v = std::clamp(luv[2], -kLargestRatio, kLargestRatio) * above;
   return {y + v, y - (kRed * v + kBlue * u) / kGreen, y + u};

@@ -33,7 +33,7 @@ struct LinearFactors {
   LinearShape shape;
   Quantisation quantisation = Quantisation::kHalf;
   float log_floor = 0;            // above 0: values are exp(y) - floor
-  // The three channels are log(Y + floor), U / (Y + floor) and V / (Y + floor): FromDecorrelated.
+  // The three channels are log(1 + Y / floor), U / (Y + floor), V / (Y + floor): FromDecorrelated.
   bool decorrelated = false;
   std::vector<float> g;           // [family][texel][stride]; the mean's weight is 1
   std::vector<float> h;           // [basis][pair][rgb][stride]
@@ -41,7 +41,7 @@ struct LinearFactors {
   std::vector<uint16_t> cluster;  // [texel]; empty where shape.clusters is 1
 };
 
-// RGB to (log(Y + floor), U / (Y + floor), V / (Y + floor)) and back; Y below zero counts as zero.
+// RGB to (log(1 + Y / floor), U / (Y + floor), V / (Y + floor)) and back; Y below zero counts as zero.
 // ITU-R BT.601 luma and unscaled colour differences U = B - Y, V = R - Y.
 std::array<float, 3> ToDecorrelated(const float* rgb, float floor);
 std::array<float, 3> FromDecorrelated(const std::array<float, 3>& luv, float floor);

@@ -8,7 +8,7 @@ namespace {
 
 constexpr int kPointsPerDirection = 64, kMaxPoints = 40000;
 constexpr double kLeastShare = 0.02;  // of the mean: no direction vanishes
-constexpr double kFloorOfRms = 0.01;
+constexpr double kFloorOfRms = 0.01, kWideFloorOfRms = 0.25;
 
 // Mean squares of the BTF by texel and by (pair, channel), over what is present.
 struct Energies {
@@ -98,6 +98,12 @@ SampleWeights WeightsFor(const btf::SampledBtf& btf, const EncodeOptions& option
     }
   }
   return w;
+}
+
+double WideFloor(const btf::SampledBtf& btf, const EncodeOptions& options) {
+  if (options.floor > 0) return options.floor;
+  const double mean = EnergiesOf(btf).mean;
+  return mean > 0 ? kWideFloorOfRms * std::sqrt(mean) : 1;
 }
 
 SeparateWeights SeparateWeightsFor(const btf::SampledBtf& btf, const EncodeOptions& options) {
