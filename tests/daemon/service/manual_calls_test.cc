@@ -1,18 +1,15 @@
 // Leases, the rig by hand and the audit log over the wire, on a rig in memory.
 
 #include <gmock/gmock.h>
-#include <google/protobuf/descriptor.h>
-#include <google/protobuf/dynamic_message.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <nlohmann/json.hpp>
-#include <random>
 #include <sstream>
 
 #include "daemon/service/audit_interceptor.h"
 #include "daemon/service/call_table.h"
 #include "protocol/base/digest.h"
+#include "tests/daemon/fakes/fake_manual.h"
 #include "tests/daemon/service/any_call.h"
 #include "tests/daemon/service/service_fixture.h"
 
@@ -21,98 +18,9 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// Remembers the fence, and does at once what is asked.
-class FakeManual final : public ManualControl {
- public:
-  void Admit(uint64_t token) override {
-    const MutexLock lock(mutex_);
-    newest_ = token;
-    open_ = true;
-  }
-  void Close(uint64_t newest, std::string_view) override {
-    const MutexLock lock(mutex_);
-    newest_ = std::max(newest_, newest);
-    open_ = false;
-  }
-  Status AwaitRest(double) override {
-    const MutexLock lock(mutex_);
-    return rest_;
-  }
-  void Stop(std::string_view) override {
-    const MutexLock lock(mutex_);
-    ++stops_;
-    if (moving_) moving_->set_value(Cancelled("stopped"));
-    moving_.reset();
-  }
-  Status Jog(uint64_t token, int axis, double rate_rad_s) override {
-    return Note(token, fmt::format("jog {} {}", axis, rate_rad_s));
-  }
-  std::future<Status> MoveTo(uint64_t token, int axis, double target_rad) override {
-    if (target_rad != 99) return Done(Note(token, fmt::format("move {} {}", axis, target_rad)));
-    const MutexLock lock(mutex_);  // it never gets there
-    moving_.emplace();
-    return moving_->get_future();
-  }
-  std::future<Status> Home(uint64_t token, int axis) override {
-    return Done(Note(token, fmt::format("home {}", axis)));
-  }
-  std::future<Status> SetLamp(uint64_t token, int lamp) override {
-    return Done(Note(token, fmt::format("lamp {}", lamp)));
-  }
-  std::future<Status> TestLaser(uint64_t token, double seconds) override {
-    return Done(Note(token, fmt::format("laser {}", seconds)));
-  }
-  ManualStatus GetStatus() const override {
-    ManualStatus status;
-    status.readings.push_back({"turntable", "rad", 0.5, RigTime(0), ReadingSource::kCommanded});
-    return status;
-  }
-  void OnNote(std::function<void(const std::string&)>) override {}
-
-  std::vector<std::string> said() const {
-    const MutexLock lock(mutex_);
-    return said_;
-  }
-  bool open() const {
-    const MutexLock lock(mutex_);
-    return open_;
-  }
-  int stops() const {
-    const MutexLock lock(mutex_);
-    return stops_;
-  }
-  void SetRest(Status rest) {
-    const MutexLock lock(mutex_);
-    rest_ = std::move(rest);
-  }
-
- private:
-  Status Note(uint64_t token, std::string what) {
-    const MutexLock lock(mutex_);
-    if (!open_ || token != newest_) return FailedPrecondition("fence: {} is not newest", token);
-    said_.push_back(std::move(what));
-    return OkStatus();
-  }
-  static std::future<Status> Done(Status status) {
-    std::promise<Status> promise;
-    promise.set_value(std::move(status));
-    return promise.get_future();
-  }
-  mutable Mutex mutex_;
-  uint64_t newest_ GUARDED_BY(mutex_) = 0;
-  bool open_ GUARDED_BY(mutex_) = false;
-  int stops_ GUARDED_BY(mutex_) = 0;
-  Status rest_ GUARDED_BY(mutex_);
-  std::vector<std::string> said_ GUARDED_BY(mutex_);
-  std::optional<std::promise<Status>> moving_ GUARDED_BY(mutex_);
-};
-
 class ManualCallsTest : public ServiceTest {
  protected:
-  ManualCallsTest() {
-    manual_ = &hand_;
-    access_options_.gate.calls_per_s = 1e6;  // its tests are elsewhere
-  }
+  ManualCallsTest() { manual_ = &hand_; }
   v1::LeaseStatus Take(bool take = false) {
     grpc::ClientContext context;
     v1::AcquireLeaseRequest request;
@@ -375,80 +283,6 @@ TEST(EssentialFields, LongOnesAreTheirDigest) {
   EXPECT_THAT(text, HasSubstr("1000 bytes"));
   EXPECT_EQ(text.find('\n'), std::string::npos);
   EXPECT_LT(text.size(), 300u);
-}
-
-// Any message of a call, with fields that make some sense or none.
-void FillAtRandom(google::protobuf::Message& message, uint64_t token, std::mt19937_64& random) {
-  using Field = google::protobuf::FieldDescriptor;
-  const double numbers[] = {0, 0.5, -1, 1e308, 5e-324, NAN, INFINITY, -INFINITY};
-  const char* texts[] = {"turntable", "light_arc", "L0", "L1", "", "..", "\x7f\x01", "a/b"};
-  const uint64_t integers[] = {token, token + 1, 0, 1, UINT64_MAX};
-  const auto& reflection = *message.GetReflection();
-  for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
-    const Field* field = message.GetDescriptor()->field(i);
-    if (random() % 8 == 0 || field->is_repeated()) continue;
-    const uint64_t integer = integers[random() % std::size(integers)];
-    switch (field->cpp_type()) {
-      case Field::CPPTYPE_DOUBLE:
-        reflection.SetDouble(&message, field, numbers[random() % std::size(numbers)]);
-        break;
-      case Field::CPPTYPE_STRING:
-        reflection.SetString(&message, field, texts[random() % std::size(texts)]);
-        break;
-      case Field::CPPTYPE_UINT64:
-        reflection.SetUInt64(&message, field, integer);
-        break;
-      case Field::CPPTYPE_UINT32:
-        reflection.SetUInt32(&message, field, static_cast<uint32_t>(integer));
-        break;
-      case Field::CPPTYPE_INT32:
-        reflection.SetInt32(&message, field, static_cast<int32_t>(integer));
-        break;
-      case Field::CPPTYPE_BOOL:
-        reflection.SetBool(&message, field, integer == 1);
-        break;
-      default:  // (no request has another kind)
-        ADD_FAILURE() << field->full_name();
-    }
-  }
-}
-
-TEST_F(ManualCallsTest, HostileRequestsAreAnsweredAndMoveNothingUnsound) {
-  google::protobuf::DynamicMessageFactory messages;
-  std::mt19937_64 random(17);
-  int calls = 0, accepted = 0;
-  for (const CallRule& rule : CallTable()) {
-    if (rule.method.starts_with("/")) continue;  // the health service, which is gRPC's
-    std::string name = PathOf(rule).substr(1);
-    name[name.find('/')] = '.';
-    const auto* method = google::protobuf::DescriptorPool::generated_pool()->FindMethodByName(name);
-    ASSERT_NE(method, nullptr) << name;
-    if (method->server_streaming()) continue;  // some never end: tests/fuzz
-    for (int i = 0; i < 12; ++i) {
-      const uint64_t token = Take(true).token();
-      const std::unique_ptr<google::protobuf::Message> request(
-          messages.GetPrototype(method->input_type())->New());
-      FillAtRandom(*request, token, random);
-      std::string bytes = request->SerializePartialAsString();
-      if (i % 3 == 2 && !bytes.empty())
-        bytes[random() % bytes.size()] ^= static_cast<char>(random());
-      const AnyReply reply = AnyCall(channel_, PathOf(rule), {}, bytes);
-      ++calls;
-      accepted += reply.status.ok();
-      const auto code = reply.status.error_code();
-      const bool away = code == grpc::StatusCode::UNAVAILABLE && method->name() != "Diagnose";
-      ASSERT_TRUE(!away && code != grpc::StatusCode::UNKNOWN &&
-                  code != grpc::StatusCode::DEADLINE_EXCEEDED)
-          << name << ": " << reply.status.error_message() << '\n'
-          << request->DebugString();
-    }
-  }
-  EXPECT_GT(calls, 200);
-  EXPECT_GT(accepted, calls / 10);
-  EXPECT_FALSE(hand_.said().empty()) << "nothing got through: the test means nothing";
-  for (const std::string& said : hand_.said()) {
-    EXPECT_THAT(said, ::testing::Not(::testing::AnyOf(HasSubstr("nan"), HasSubstr("inf")))) << said;
-  }
 }
 
 }  // namespace
