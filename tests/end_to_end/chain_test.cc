@@ -38,6 +38,15 @@ TEST(Chain, CapturesCompressesAndRenders) {
   ASSERT_EQ(made.code, 0) << made.text;
   const Outcome compared = RunProgram("mesorig-btf", {"compare", btf, truth, "--json"});
   ASSERT_EQ(compared.code, 0) << compared.text;
+  // Whoever holds the file holds an anchor of the audit log.
+  const Outcome info = RunProgram("mesorig-btf", {"info", btf, "--json"});
+  ASSERT_EQ(info.code, 0) << info.text;
+  const std::string anchor =
+      nlohmann::json::parse(info.text)["provenance"].value("audit_head", "none");
+  const std::string hash = anchor.substr(anchor.rfind(' ') + 1);
+  const Outcome audit = rig.Mesorig({"audit", "verify", "--head", hash});
+  EXPECT_EQ(audit.code, 0) << anchor << audit.text;
+  EXPECT_NE(rig.Mesorig({"audit", "verify", "--head", std::string(64, '0')}).code, 0);
   const auto errors = nlohmann::json::parse(compared.text);
   // A pixel of 1.2 mm (2.4 mm to the next red one) cannot resolve threads of 3.6 mm: 22 dB
   // measured. The demo, with pixels of 0.31 mm, is held to 30 dB.

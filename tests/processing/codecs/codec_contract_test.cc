@@ -21,7 +21,8 @@ using btf::SyntheticBtf;
 using btf::TemporaryFolder;
 
 btf::BtfHeader Header() {
-  btf::BtfHeader header = btf::SmallHeader(7, 5, RingDirections(2, 5, 60), RingDirections(2, 6, 60));
+  btf::BtfHeader header =
+      btf::SmallHeader(7, 5, RingDirections(2, 5, 60), RingDirections(2, 6, 60));
   header.mask.assign(header.texel_count(), 1);
   header.mask[3] = 0;
   return header;
@@ -59,7 +60,7 @@ TEST_P(EveryCodec, WrittenAndReadItDecodesToTheSameBits) {
     EXPECT_EQ((*read)->info().header.h_ref_mm, btf.header().h_ref_mm);
     const btf::SampledBtf a = DecodeAll(**encoded), b = DecodeAll(**read);
     EXPECT_EQ(a.present_count(), btf.present_count());
-    EXPECT_LT(btf::CompareBtf(b, a)->max_abs, 1e-7);  // directions are stored as float
+    EXPECT_LT(btf::CompareBtf(b, a)->max_abs, 4e-7);  // directions are stored as float: a few ulps
     const auto any = ReadAnyBtf(folder / "c");
     ASSERT_TRUE(any.ok());
     EXPECT_EQ(btf::CompareBtf(*any, b)->max_abs, 0);
@@ -168,9 +169,8 @@ TEST_P(EveryCodec, RefusesPlanesOfAnotherHeader) {
     coded.info.header.width = 8;
     coded.info.header.mask.assign(coded.info.header.texel_count(), 1);
   }));
-  EXPECT_FALSE(decodes([](btf::CodedBtf& coded) {
-    coded.planes.begin()->second.channels[0] = "x";
-  }));
+  EXPECT_FALSE(
+      decodes([](btf::CodedBtf& coded) { coded.planes.begin()->second.channels[0] = "x"; }));
 }
 
 INSTANTIATE_TEST_SUITE_P(Registry, EveryCodec, ::testing::ValuesIn(AllEncoders()),
