@@ -4,11 +4,12 @@
 // manual control) does so through axes(), lamps() and gate(), which refuse while it says no, and
 // hears of a trip or a stop by its StopFlag. Rules, limits and measured times: docs/safety.md.
 //
-// Two threads. The watch is a rig thread: every kPoll_s of rig time (kCalmPoll_s while nothing
-// is energised) it reads chain, contactor, laser and axes, every kLampPoll_s lamps and their temperatures; edges of lines wake it at once.
-// The stop thread lives on the host clock: it carries out StopNow, and finds a member of the rig
-// clock that hangs while the rig is energised. Neither takes a lock but the clock's (held for
-// moments by anybody) and their own; neither touches disk, database or clients.
+// Two threads. The watch is a rig thread: every kPoll_s of rig time (kCalmPoll_s while nothing is
+// energised) it reads chain, contactor, laser and axes, every kLampPoll_s lamps and their
+// temperatures; edges of lines wake it at once. The stop thread lives on the host clock: it carries
+// out StopNow, and finds a member of the rig clock that hangs while the rig is energised. Neither
+// takes a lock but the clock's (held for moments by anybody) and their own; neither touches disk,
+// database or clients.
 
 #include <atomic>
 #include <chrono>
