@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <optional>
 #include <set>
 #include <stdexcept>
 
@@ -21,7 +22,7 @@ namespace mesorig {
 namespace mesorig {
 
 struct TomlTable::Node {
-  toml::table* table;        // null for a missing table: every getter stays silent
+  toml::table* table;  // null for a missing table: every getter stays silent
   TomlFile::State* file;
   std::set<std::string, std::less<>> known;  // keys that were asked for
 };
@@ -260,6 +261,47 @@ TomlFile::TomlFile(TomlFile&&) noexcept = default;
 TomlFile& TomlFile::operator=(TomlFile&&) noexcept = default;
 TomlFile::~TomlFile() = default;
 
+namespace {
+
+// Just after the string that begins at `at` (its end may be missing).
+size_t AfterString(std::string_view text, size_t at) {
+  const char quote = text[at];
+  const std::string fence(3, quote);
+  const bool lines = text.substr(at, 3) == fence;
+  for (at += lines ? 3 : 1; at < text.size(); ++at) {
+    if (quote == '"' && text[at] == '\\') {
+      ++at;
+    } else if (lines ? text.substr(at, 3) == fence : text[at] == quote || text[at] == '\n') {
+      return at + (lines ? 3 : 1);
+    }
+  }
+  return text.size();
+}
+
+// Where a character outside of ASCII stands that is in no string and no comment: TOML has none
+// there, and toml++ 3.3 runs into undefined behaviour.
+std::optional<toml::source_position> StrayCharacter(std::string_view text) {
+  constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+  for (size_t at = text.starts_with(kByteOrderMark) ? 3 : 0; at < text.size();) {
+    if (text[at] == '"' || text[at] == '\'') {
+      at = AfterString(text, at);
+    } else if (text[at] == '#') {
+      at = std::min(text.find('\n', at), text.size());
+    } else if (static_cast<unsigned char>(text[at]) < 0x80) {
+      ++at;
+    } else {
+      const std::string_view before = text.substr(0, at);
+      const size_t line = before.rfind('\n') + 1;  // (npos + 1 is 0)
+      return toml::source_position{
+          static_cast<toml::source_index>(std::count(before.begin(), before.end(), '\n') + 1),
+          static_cast<toml::source_index>(at - line + 1)};
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
 StatusOr<TomlFile> TomlFile::Load(const std::filesystem::path& path) {
   MESORIG_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, 4u << 20));
   return Parse(text, path.string());
@@ -269,6 +311,10 @@ StatusOr<TomlFile> TomlFile::Parse(std::string_view text, std::string_view name)
   auto state = std::make_unique<State>();
   state->name = name;
   state->text = text;
+  if (const auto stray = StrayCharacter(text)) {
+    return InvalidArgument("{}: a character outside of ASCII that is in no string and no comment",
+                           state->Place(*stray));
+  }
   try {
     state->root = toml::parse(text, name);
   } catch (const toml::parse_error& error) {

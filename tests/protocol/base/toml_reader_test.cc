@@ -1,5 +1,6 @@
 #include "protocol/base/toml_reader.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 namespace mesorig {
@@ -49,6 +50,26 @@ TEST(TomlReader, ReportsTheErrorThatStandsFirst) {
 
 TEST(TomlReader, UnreadTablesAreUnknownKeys) {
   EXPECT_EQ(ErrorOf("name='a'\n[extra]\nx=1\n").substr(0, 9), "f.toml:2:");
+}
+
+TEST(TomlFile, CharactersOutsideOfAsciiStandInStringsAndCommentsAlone) {
+  const auto refusal = [](std::string_view text) {
+    return std::string(Message(TomlFile::Parse(text, "a.toml").status()));
+  };
+  EXPECT_THAT(refusal("a = 1\nb = \u03e0-308\n"), ::testing::StartsWith("a.toml:2:5: a character"));
+  EXPECT_THAT(refusal("\u00e4 = 1\n"), ::testing::StartsWith("a.toml:1:1: a character"));
+  EXPECT_THAT(refusal("a = \"\"\u00e4\n"), ::testing::StartsWith("a.toml:1:7: a character"));
+  EXPECT_THAT(refusal("a = \"\\\"\" \u00e4\n"), ::testing::StartsWith("a.toml:1:10: a character"));
+  EXPECT_THAT(refusal("a = '\\' \u00e4\n"), ::testing::StartsWith("a.toml:1:9: a character"));
+  for (const char* good :
+       {"a = \"\u00e4\" # \u00e4\n", "a = '\u00e4'\n", "\"\u00e4\" = 1\n",
+        "a = \"\"\"\u00e4\n\"\u00e4\\\"\"\"\u00e4\"\"\"\n", "a = '''\u00e4\n'''\n# \u00e4",
+        "\xef\xbb\xbf"
+        "a = 1\n"}) {
+    EXPECT_EQ(refusal(good), "") << good;
+  }
+  EXPECT_NE(refusal("a = \"\u00e4"), "") << "never ends";
+  EXPECT_NE(refusal("a = \"\u00e4\\"), "");
 }
 
 }  // namespace
