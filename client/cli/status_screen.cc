@@ -10,7 +10,7 @@ namespace mesorig::client {
 namespace {
 
 constexpr size_t kReadingsShown = 15, kReadingColumns = 3, kReadingWidth = 26;
-constexpr size_t kConsumersShown = 2;
+constexpr size_t kConsumersShown = 2, kLinesBelowReadings = 5;
 
 // Cut to the screen; control characters out, so that nothing that a client sent moves the cursor.
 std::string Fit(std::string line) {
@@ -22,8 +22,20 @@ std::string Fit(std::string line) {
 
 class Screen {
  public:
+  static constexpr size_t kNameColumns = 10, kTextColumns = kScreenColumns - kNameColumns;
   void Add(std::string_view name, std::string text) {
-    lines_.push_back(Fit(fmt::format("{:<10}{}", name, text)));
+    lines_.push_back(Fit(fmt::format("{:<{}}{}", name, kNameColumns, text)));
+  }
+  // Over so many lines at most, between words.
+  void AddWrapped(std::string_view name, std::string_view text, int lines) {
+    for (; lines > 1 && text.size() > kTextColumns; --lines) {
+      const size_t space = text.rfind(' ', kTextColumns);
+      const size_t end = space == text.npos || space == 0 ? kTextColumns : space;
+      Add(name, std::string(text.substr(0, end)));
+      text.remove_prefix(end + (space == end ? 1 : 0));
+      name = "";
+    }
+    Add(name, std::string(text));
   }
   void AddRaw(std::string line) { lines_.push_back(Fit(std::move(line))); }
   size_t free() const { return kScreenLines - std::min(kScreenLines, lines_.size()); }
@@ -56,10 +68,10 @@ std::string ChainText(const v1::StatusReply& status) {
   for (const char* name : {"estop", "door"}) {
     const v1::Reading* reading = Find(status, name);
     if (!text.empty()) text += ", ";
-    text += reading == nullptr ? fmt::format("{} never read", name)
-                               : fmt::format("{} {} ({} ago)", name,
-                                             reading->value() > 0.5 ? "closed" : "OPEN",
-                                             Age(reading->age_s()));
+    text += reading == nullptr
+                ? fmt::format("{} never read", name)
+                : fmt::format("{} {} ({} ago)", name, reading->value() > 0.5 ? "closed" : "OPEN",
+                              Age(reading->age_s()));
   }
   return text;
 }
@@ -74,15 +86,15 @@ void AddSession(const v1::StatusReply& status, Screen& screen) {
   const double done =
       status.shots() == 0 ? 0 : static_cast<double>(status.shots_done()) / status.shots();
   const auto filled = static_cast<size_t>(std::clamp(done, 0.0, 1.0) * kBar);
-  std::string frames = fmt::format("[{}{}] {}/{} shots, {}/{} frames durable",
-                                   std::string(filled, '#'), std::string(kBar - filled, '.'),
-                                   status.shots_done(), status.shots(), status.frames_durable(),
-                                   status.frames());
+  std::string frames =
+      fmt::format("[{}{}] {}/{} shots, {}/{} frames durable", std::string(filled, '#'),
+                  std::string(kBar - filled, '.'), status.shots_done(), status.shots(),
+                  status.frames_durable(), status.frames());
   if (status.frames_queued() > 0) frames += fmt::format(", {} queued", status.frames_queued());
   screen.Add("", std::move(frames));
   screen.Add("", fmt::format("{} of about {}; {} to go, {} to come", DurationText(status.rig_s()),
-                             DurationText(status.estimated_s()),
-                             DurationText(status.remaining_s()), BytesText(status.bytes_left())));
+                             DurationText(status.estimated_s()), DurationText(status.remaining_s()),
+                             BytesText(status.bytes_left())));
 }
 
 void AddDisk(const v1::StatusReply& status, Screen& screen) {
@@ -116,7 +128,10 @@ void AddReadings(const v1::StatusReply& status, Screen& screen) {
                                 ShortAge(reading.age_s())) +
                     (reading.source() == v1::COMMANDED ? " c" : ""));
   }
-  const size_t more = cells.size() - std::min(cells.size(), kReadingsShown);
+  // (Below them: what is said of them, and the latest events.)
+  const size_t rows = screen.free() - std::min(screen.free(), kLinesBelowReadings);
+  const size_t shown = std::min(kReadingsShown, std::max<size_t>(rows, 1) * kReadingColumns);
+  const size_t more = cells.size() - std::min(cells.size(), shown);
   cells.resize(cells.size() - more);
   if (cells.empty()) screen.Add("readings", "none yet");
   for (size_t i = 0; i < cells.size(); i += kReadingColumns) {
@@ -127,9 +142,9 @@ void AddReadings(const v1::StatusReply& status, Screen& screen) {
     screen.Add(i == 0 ? "readings" : "", std::move(line));
   }
   if (more > 0) screen.Add("", fmt::format("and {} more: --json", more));
-  const bool commanded = std::any_of(
-      status.readings().begin(), status.readings().end(),
-      [](const v1::Reading& reading) { return reading.source() == v1::COMMANDED; });
+  const bool commanded =
+      std::any_of(status.readings().begin(), status.readings().end(),
+                  [](const v1::Reading& reading) { return reading.source() == v1::COMMANDED; });
   if (commanded) screen.Add("", "c: as commanded, not read back");
 }
 
@@ -147,12 +162,15 @@ std::string StatusScreen(const v1::HelloReply& hello, const v1::StatusReply& sta
   screen.Add("lease", LeaseText(status.lease()) +
                           (status.manual().empty() ? "" : "; by hand: " + status.manual()));
   if (!status.audit_trouble().empty()) screen.Add("audit", status.audit_trouble());
-  if (status.has_prompt()) screen.Add("asks", PromptText(status.prompt()));
+  if (status.has_prompt()) {
+    screen.AddWrapped("asks", status.prompt().text(), 3);
+    screen.Add("needs", StillNeeded(status.prompt()));
+  }
   AddSession(status, screen);
   AddDisk(status, screen);
-  screen.Add("frames", fmt::format("{} late, {} lost, {} refused since the daemon began",
-                                   status.frames_late(), status.frames_lost(),
-                                   status.frames_refused()));
+  screen.Add("frames",
+             fmt::format("{} late, {} lost, {} refused since the daemon began",
+                         status.frames_late(), status.frames_lost(), status.frames_refused()));
   screen.Add("alarms", status.alarms() == 0
                            ? "none"
                            : fmt::format("{} in this run: mesorig watch", status.alarms()));

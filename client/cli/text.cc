@@ -46,16 +46,20 @@ std::string DurationText(double seconds) {
   return fmt::format("{} h {} min", whole / 3600, whole % 3600 / 60);
 }
 
-std::string PromptText(const v1::Prompt& prompt) {
+std::string StillNeeded(const v1::Prompt& prompt) {
   std::string missing;
   const auto add = [&](bool done, std::string_view what) {
     if (!done) missing += fmt::format("{}{}", missing.empty() ? "" : ", ", what);
   };
   add(prompt.door_cycled(), "the door opened and closed");
-  add(prompt.reset(), "reset pressed at the rig");
+  add(prompt.reset(), "reset pressed");
   add(prompt.acknowledged(), "`mesorig acknowledge`");
+  return missing.empty() ? "nothing" : missing;
+}
+
+std::string PromptText(const v1::Prompt& prompt) {
   return fmt::format("prompt {}: {} (still needed: {})", prompt.id(), prompt.text(),
-                     missing.empty() ? "nothing" : missing);
+                     StillNeeded(prompt));
 }
 
 std::string LeaseText(const v1::LeaseStatus& lease) {

@@ -14,8 +14,9 @@ std::string_view StateName(v1::State state);
 std::string BytesText(uint64_t bytes);
 // "3 min 20 s"
 std::string DurationText(double seconds);
-// One line an event, without its end of line.
-// What is asked of the operator, and what is still missing.
+// What a prompt still waits for: "reset pressed, `mesorig acknowledge`", or "nothing".
+std::string StillNeeded(const v1::Prompt& prompt);
+// One line: what is asked of the operator, and what is still missing.
 std::string PromptText(const v1::Prompt& prompt);
 // "free", "anna has control of the rig, for another 7 s"
 std::string LeaseText(const v1::LeaseStatus& lease);

@@ -69,6 +69,19 @@ TEST(StatusScreen, FitsWhateverThereIs) {
   EXPECT_THAT(screen, HasSubstr("39 ")) << "the latest event";
 }
 
+TEST(StatusScreen, APromptIsReadToItsEnd) {
+  v1::StatusReply status;
+  status.mutable_prompt()->set_text(
+      "Mount the laser at \"zenith\" and line its stripe up with the turntable's centre. Then "
+      "close "
+      "the door and press reset.");
+  const std::string screen = StatusScreen({}, status, {});
+  EXPECT_THAT(screen, HasSubstr("asks      Mount the laser at \"zenith\""));
+  EXPECT_THAT(screen, HasSubstr("press reset.\n"));
+  EXPECT_THAT(screen, HasSubstr("needs     the door opened and closed, reset pressed, "
+                                "`mesorig acknowledge`\n"));
+}
+
 TEST(StatusScreen, AnIdleDaemonSaysSo) {
   const std::string screen = StatusScreen({}, {}, {});
   EXPECT_THAT(screen, HasSubstr("session   none yet"));

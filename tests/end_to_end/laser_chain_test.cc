@@ -152,7 +152,7 @@ TEST(LaserChain, APromptNeedsHandsAtTheRig) {
   EXPECT_EQ(status["prompt"]["mount"], "zenith");
   EXPECT_EQ(rig.Mesorig({"acknowledge"}).code, 0);
   const Outcome text = rig.Mesorig({"status"});
-  EXPECT_THAT(text.text, HasSubstr("still needed: the door opened and closed, reset pressed"));
+  EXPECT_THAT(text.text, HasSubstr("needs     the door opened and closed, reset pressed"));
   const Outcome nowhere = rig.Inject({"operator", "remount", "attic"});
   EXPECT_EQ(nowhere.code, 2);
   EXPECT_THAT(nowhere.text, HasSubstr("attic"));
