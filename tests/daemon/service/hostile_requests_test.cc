@@ -9,31 +9,19 @@
 #include <random>
 
 #include "daemon/service/call_table.h"
-#include "tests/daemon/fakes/fake_manual.h"
 #include "tests/daemon/service/any_call.h"
-#include "tests/daemon/service/service_fixture.h"
+#include "tests/daemon/service/by_hand_fixture.h"
 
 namespace mesorig::daemon {
 namespace {
 
 using ::testing::HasSubstr;
 
-class HostileRequestsTest : public ServiceTest {
+class HostileRequestsTest : public ByHandTest {
  protected:
   HostileRequestsTest() {
-    manual_ = &hand_;
     access_options_.gate.calls_per_s = 1e6;  // its tests are elsewhere
   }
-  v1::LeaseStatus Take(bool take = false) {
-    grpc::ClientContext context;
-    v1::AcquireLeaseRequest request;
-    request.set_take(take);
-    v1::LeaseReply reply;
-    const grpc::Status status = control_->AcquireLease(&context, request, &reply);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return reply.lease();
-  }
-  FakeManual hand_;
 };
 
 // Any message of a call, with fields that make some sense or none.

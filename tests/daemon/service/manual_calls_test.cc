@@ -9,27 +9,16 @@
 #include "daemon/service/audit_interceptor.h"
 #include "daemon/service/call_table.h"
 #include "protocol/base/digest.h"
-#include "tests/daemon/fakes/fake_manual.h"
 #include "tests/daemon/service/any_call.h"
-#include "tests/daemon/service/service_fixture.h"
+#include "tests/daemon/service/by_hand_fixture.h"
 
 namespace mesorig::daemon {
 namespace {
 
 using ::testing::HasSubstr;
 
-class ManualCallsTest : public ServiceTest {
+class ManualCallsTest : public ByHandTest {
  protected:
-  ManualCallsTest() { manual_ = &hand_; }
-  v1::LeaseStatus Take(bool take = false) {
-    grpc::ClientContext context;
-    v1::AcquireLeaseRequest request;
-    request.set_take(take);
-    v1::LeaseReply reply;
-    const grpc::Status status = control_->AcquireLease(&context, request, &reply);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return reply.lease();
-  }
   grpc::Status Lamp(uint64_t token, const std::string& lamp) {
     grpc::ClientContext context;
     v1::SetLampRequest request;
@@ -64,7 +53,6 @@ class ManualCallsTest : public ServiceTest {
     }
     return entries;
   }
-  FakeManual hand_;
 };
 
 TEST_F(ManualCallsTest, OnlyTheHolderCommands) {

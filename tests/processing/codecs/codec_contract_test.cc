@@ -12,6 +12,7 @@
 #include "processing/codecs/encoder.h"
 #include "protocol/base/file_writer.h"
 #include "tests/processing/btf/synthetic.h"
+#include "tests/processing/codecs/encoding.h"
 
 namespace mesorig::codecs {
 namespace {
@@ -174,11 +175,7 @@ TEST_P(EveryCodec, RefusesPlanesOfAnotherHeader) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Registry, EveryCodec, ::testing::ValuesIn(AllEncoders()),
-                         [](const auto& parameter) {
-                           std::string name(parameter.param->name());
-                           std::replace(name.begin(), name.end(), '-', '_');
-                           return name;
-                         });
+                         CodecOfTest);
 
 }  // namespace
 }  // namespace mesorig::codecs

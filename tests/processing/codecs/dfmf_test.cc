@@ -8,6 +8,7 @@
 #include "processing/codecs/linear/linear_btf.h"
 #include "processing/codecs/target.h"
 #include "tests/processing/btf/synthetic.h"
+#include "tests/processing/codecs/encoding.h"
 
 namespace mesorig::codecs {
 namespace {
@@ -20,12 +21,7 @@ btf::BtfHeader Header() {
 }
 
 double Error(std::string_view codec, const btf::SampledBtf& btf, int terms) {
-  EncodeOptions options;
-  options.terms = terms;
-  options.quantisation = Quantisation::kFloat;
-  const auto encoded = (*FindEncoder(codec))->Encode(btf, options);
-  EXPECT_TRUE(encoded.ok()) << encoded.status();
-  return encoded.ok() ? MeasureDecoded(**encoded, btf).rel_error : 1e9;
+  return ErrorOf(**FindEncoder(codec), btf, Terms(terms));
 }
 
 TEST(Decorrelated, ThereAndBack) {

@@ -19,6 +19,7 @@
 #include "processing/codecs/target.h"
 #include "protocol/base/file_writer.h"
 #include "tests/processing/btf/synthetic.h"
+#include "tests/processing/codecs/encoding.h"
 
 namespace mesorig::codecs {
 namespace {
@@ -39,13 +40,6 @@ double Error(std::string_view codec, const btf::SampledBtf& btf, const EncodeOpt
   const auto encoded = Encode(codec, btf, options);
   EXPECT_TRUE(encoded.ok()) << encoded.status();
   return encoded.ok() ? MeasureDecoded(**encoded, btf).rel_error : 1e9;
-}
-
-EncodeOptions Terms(int terms) {
-  EncodeOptions options;
-  options.terms = terms;
-  options.quantisation = Quantisation::kFloat;
-  return options;
 }
 
 // A row a texel, a column a channel of a pair of view `view`, or of all.

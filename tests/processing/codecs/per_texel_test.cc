@@ -12,6 +12,7 @@
 #include "processing/codecs/per_texel/chain_fit.h"
 #include "processing/codecs/target.h"
 #include "tests/processing/btf/synthetic.h"
+#include "tests/processing/codecs/encoding.h"
 
 namespace mesorig::codecs::per_texel {
 namespace {
@@ -24,12 +25,7 @@ btf::BtfHeader Header() {
 }
 
 double Error(std::string_view codec, const btf::SampledBtf& btf, int terms) {
-  EncodeOptions options;
-  options.terms = terms;
-  options.quantisation = Quantisation::kFloat;
-  const auto encoded = (*FindEncoder(codec))->Encode(btf, options);
-  EXPECT_TRUE(encoded.ok()) << encoded.status();
-  return encoded.ok() ? MeasureDecoded(**encoded, btf).rel_error : 1e9;
+  return ErrorOf(**FindEncoder(codec), btf, Terms(terms));
 }
 
 TEST(Parameterisation, HalfAndDifference) {

@@ -16,6 +16,7 @@
 #include "processing/codecs/target.h"
 #include "protocol/base/file_writer.h"
 #include "tests/processing/btf/synthetic.h"
+#include "tests/processing/codecs/encoding.h"
 
 namespace mesorig::codecs {
 namespace {
@@ -58,13 +59,6 @@ class StableCodec : public ::testing::TestWithParam<const Encoder*> {
     return encoded.ok() ? MeasureDecoded(**encoded, btf).rel_error : 1e9;
   }
 };
-
-EncodeOptions Terms(int terms) {
-  EncodeOptions options;
-  options.terms = terms;
-  options.quantisation = Quantisation::kFloat;
-  return options;
-}
 
 TEST_P(StableCodec, DegenerateInputs) {
   const std::pair<btf::BtfHeader, const char*> sizes[] = {
@@ -230,11 +224,7 @@ TEST_P(StableCodec, ShaderFormsHoldTheirFactors) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Registry, StableCodec, ::testing::ValuesIn(WithFactors()),
-                         [](const auto& parameter) {
-                           std::string name(parameter.param->name());
-                           std::replace(name.begin(), name.end(), '-', '_');
-                           return name;
-                         });
+                         CodecOfTest);
 
 }  // namespace
 }  // namespace mesorig::codecs
