@@ -143,7 +143,10 @@ double SoakRig::PositionError() {
 
 bool SoakRig::Await(SequencerEvent::Kind kind, uint32_t count) {
   std::unique_lock lock(mutex_);
-  return heard_.wait_for(lock, kHang, [&] { return counts_[kind] >= count; });
+  heard_.wait_for(lock, kHang, [&] {
+    return counts_[kind] >= count || counts_[SequencerEvent::Kind::kEnded] > 0;
+  });
+  return counts_[kind] >= count;
 }
 
 bool SoakRig::AwaitState(SequencerState state) {

@@ -35,7 +35,8 @@ class SoakRig {
   // The largest difference between what a drive says and where its axis is.
   double PositionError();
 
-  // Waits at most a minute of host time. `count`: of the events of this kind since Forget.
+  // Waits at most a minute of host time. `count`: of the events of this kind since Forget. False: not
+  // that many, or the session ended without them.
   bool Await(SequencerEvent::Kind kind, uint32_t count);
   bool AwaitState(SequencerState state);
   void Forget();
