@@ -1,10 +1,10 @@
 #include "daemon/control/operator_visit.h"
 
+#include <utility>
+
 namespace mesorig::daemon {
 
-Status VisitRig(const RunContext& context, RigPower& power, CameraArray& cameras, std::string text,
-                std::string mount) {
-  MESORIG_RETURN_IF_ERROR(power.Down());
+Status AskAtRest(const RunContext& context, std::string text, std::string mount) {
   context.chain.Disarm();  // the door is meant to open
   context.activity.Suspend();
   bool waited = false;
@@ -15,7 +15,13 @@ Status VisitRig(const RunContext& context, RigPower& power, CameraArray& cameras
   context.activity.Continue();
   context.chain.Arm();
   if (waited) context.on_wait(false);
-  MESORIG_RETURN_IF_ERROR(asked);
+  return asked;
+}
+
+Status VisitRig(const RunContext& context, RigPower& power, CameraArray& cameras, std::string text,
+                std::string mount) {
+  MESORIG_RETURN_IF_ERROR(power.Down());
+  MESORIG_RETURN_IF_ERROR(AskAtRest(context, std::move(text), std::move(mount)));
   MESORIG_RETURN_IF_ERROR(context.safety.MayEnergise());
   context.board.SetChain(context.chain.levels());
   cameras.Chill();

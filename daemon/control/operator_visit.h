@@ -9,9 +9,12 @@
 
 namespace mesorig::daemon {
 
-// Takes the rig to rest, asks, and brings it up again. `mount`: the laser's mount that is asked
-// for, empty: none. Virtual time stands still while the operator is asked. Cancelled: somebody said
-// stop, or a pause came before anybody was asked.
+// Asks, with everything off already. `mount`: the laser's mount that is asked for, empty: none.
+// Virtual time stands still while the operator is asked. Cancelled: somebody said stop, or a pause
+// came before anybody was asked.
+Status AskAtRest(const RunContext& context, std::string text, std::string mount);
+
+// Takes the rig to rest, asks, and brings it up again.
 Status VisitRig(const RunContext& context, RigPower& power, CameraArray& cameras, std::string text,
                 std::string mount);
 

@@ -65,11 +65,21 @@ Status PlanRun::AllPasses() {
       return written;
     }
     book_.Recount();
-    if (book_.ShotsOwed() == 0) return up ? power_.Down() : OkStatus();
+    if (book_.ShotsOwed() == 0) return Close(up);
   }
   end_ = RunEnd::kSession;
   return DataLoss("{} shots miss frames still, after {} passes over the plan", book_.ShotsOwed(),
                   kPasses);
+}
+
+Status PlanRun::Close(bool up) {
+  if (up) MESORIG_RETURN_IF_ERROR(power_.Down());
+  const Step& last = context_.plan.steps.back();  // (a plan without steps is none)
+  if (last.kind != StepKind::kPrompt || &last == answered_) return OkStatus();
+  MESORIG_RETURN_IF_ERROR(book_.Record(JournalKind::kPrompt, -1, 0, last.text));
+  MESORIG_RETURN_IF_ERROR(AskAtRest(context_, last.text, ""));
+  answered_ = &last;
+  return book_.Record(JournalKind::kContinued, -1, 0, last.text);
 }
 
 Status PlanRun::Prepare() {

@@ -76,6 +76,8 @@ class PlanRun {
                    Status& missing);
   Status ApproachNext(size_t index, Place place);
   Status AllPasses();
+  // When nothing is missing: to rest, and what the plan asks for after its last frame.
+  Status Close(bool up);
   bool DiskTakesNothing(const Status& status) const;
 
   const RunContext& context_;

@@ -42,11 +42,11 @@ class Compiler {
       plan_.frames_unneeded += lit.frames_unneeded;
       lit_sets_.push_back(std::move(lit));
     }
-    EmitPrompts(true);
+    MESORIG_RETURN_IF_ERROR(EmitPrompts(true));
     MESORIG_RETURN_IF_ERROR(EmitCalibrations());
     EmitSets();
     MESORIG_RETURN_IF_ERROR(EmitSweeps());
-    EmitPrompts(false);
+    MESORIG_RETURN_IF_ERROR(EmitPrompts(false));
     emitter_.Finish();
     const LowerBound bound = LowerBoundOf(plan_, rig_);
     plan_.lower_bound_s = bound.seconds;
@@ -67,10 +67,11 @@ class Compiler {
     plan_.homing_s = HomingSeconds(rig_);
   }
 
-  void EmitPrompts(bool before) {
+  Status EmitPrompts(bool before) {
     for (const OperatorPrompt& prompt : source_.prompts) {
-      if (prompt.before == before) emitter_.Prompt(prompt.text);
+      if (prompt.before == before) MESORIG_RETURN_IF_ERROR(emitter_.Prompt(prompt.text));
     }
+    return OkStatus();
   }
 
   // Exposures of the plan with the cameras that get them; under lamps: of grids and lists only.
@@ -120,15 +121,15 @@ class Compiler {
         if (calibration.purpose == purpose) of_kind.push_back(&calibration);
       }
       if (of_kind.empty()) continue;
-      if (purpose == Purpose::kDark) emitter_.Prompt(kCapsOn);
-      if (purpose == Purpose::kFlat) emitter_.Prompt(kDiffuserIn);
+      if (purpose == Purpose::kDark) MESORIG_RETURN_IF_ERROR(emitter_.Prompt(kCapsOn));
+      if (purpose == Purpose::kFlat) MESORIG_RETURN_IF_ERROR(emitter_.Prompt(kDiffuserIn));
       emitter_.Stand(FirstPosition(), 0);
       for (const Calibration* calibration : of_kind) {
         MESORIG_RETURN_IF_ERROR(EmitCalibration(*calibration));
       }
-      if (purpose == Purpose::kDark) emitter_.Prompt(kCapsOff);
+      if (purpose == Purpose::kDark) MESORIG_RETURN_IF_ERROR(emitter_.Prompt(kCapsOff));
       if (purpose == Purpose::kFlat) {
-        emitter_.Prompt(fmt::format(kSampleBack, source_.sample.name));
+        MESORIG_RETURN_IF_ERROR(emitter_.Prompt(fmt::format(kSampleBack, source_.sample.name)));
       }
     }
     return OkStatus();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "protocol/plan/fits_rig.h"
 #include "protocol/plan/timing.h"
 
 namespace mesorig {
@@ -102,18 +103,28 @@ void Emitter::ForgetState() {
   Spend(std::exchange(readout_s_, 0.0));
   if (std::exchange(lamp_, -1) >= 0) Add(StepKind::kLamp).lamp = -1;
   stands_ = shines_ = false;
-  ++plan_.prompts;
 }
 
 void Emitter::Mount(int mount) {
   ForgetState();
+  ++plan_.prompts;
   Add(StepKind::kMount).sweep.mount = mount;
   tilt_rad_ = 0;
 }
 
-void Emitter::Prompt(std::string text) {
+Status Emitter::Prompt(const std::string& text) {
   ForgetState();
-  Add(StepKind::kPrompt).text = std::move(text);
+  const bool goes_on = !plan_.steps.empty() && plan_.steps.back().kind == StepKind::kPrompt;
+  if (!goes_on) {
+    Add(StepKind::kPrompt).text = text;
+    ++plan_.prompts;
+    return OkStatus();
+  }
+  std::string& asked = plan_.steps.back().text;
+  asked += " " + text;
+  if (asked.size() <= kMaxPromptBytes) return OkStatus();
+  return InvalidArgument("plan {}: prompts that follow one another have {} bytes, permitted are {}",
+                         plan_.name, asked.size(), kMaxPromptBytes);
 }
 
 void Emitter::Finish() {

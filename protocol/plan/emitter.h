@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "protocol/base/status.h"
 #include "protocol/plan/plan.h"
 #include "protocol/rig/rig.h"
 
@@ -34,7 +35,8 @@ class Emitter {
   // The operator's part: everything is off meanwhile, and what stands or shines afterwards is not
   // known.
   void Mount(int mount);
-  void Prompt(std::string text);
+  // Prompts that follow one another are one visit. InvalidArgument: too long a text for one.
+  Status Prompt(const std::string& text);
   // Lamps off, the last frames delivered.
   void Finish();
 

@@ -216,5 +216,21 @@ TEST(Prompt, AnyRequestTakesAVisitAndIsAskedBeforeItsShots) {
   bench.ExpectAtRest();
 }
 
+TEST(Prompt, AfterTheLastFrameTheRigRestsAndAsks) {
+  LaserBench bench;
+  CompiledPlan plan = SmallPlan(bench.rig);
+  Step prompt;
+  prompt.kind = StepKind::kPrompt;
+  prompt.text = "Take the sample out";
+  plan.steps.push_back(prompt);
+  plan.prompts = 1;
+  const SequencerEvent end = bench.RunWithOperator(plan);
+  EXPECT_TRUE(end.complete) << end.text;
+  ASSERT_EQ(bench.prompts.size(), 1u);
+  EXPECT_EQ(bench.prompts[0].text, prompt.text);
+  EXPECT_EQ(bench.session->Journaled(JournalKind::kContinued), 1);
+  bench.ExpectAtRest();
+}
+
 }  // namespace
 }  // namespace mesorig::daemon

@@ -176,7 +176,18 @@ class Soak {
     Record("daemon/ended", complete ? "complete" : "incomplete");
     ++(complete ? report_.complete : report_.incomplete);
     if (complete) CheckComplete(id);
-    if (!hangs_) std::filesystem::remove_all(root_ / "sessions" / id);
+    if (!hangs_) Remove(root_ / "sessions" / id);
+  }
+
+  // The sequencer lets go of a session a moment after it told its end, and closes its files then.
+  void Remove(const std::filesystem::path& session) {
+    std::error_code error;
+    for (int attempt = 0; attempt < 100; ++attempt) {
+      std::filesystem::remove_all(session, error);
+      if (!error && !std::filesystem::exists(session)) return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    Violate(fmt::format("{}: {}", session.string(), error.message()));
   }
 
   bool ResumeOnce(const std::string& id) {

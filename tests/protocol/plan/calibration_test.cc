@@ -81,6 +81,18 @@ TEST(Calibration, AloneItNeedsItsExposures) {
   EXPECT_EQ(plan->frames, 8u);
 }
 
+TEST(Prompts, ThatFollowOneAnotherAreOneVisit) {
+  const std::string before = "[[prompt]]\nwhen = \"before\"\ntext = ";
+  const auto plan =
+      Compiled(Head() + GridOf() + before + "\"Clean the plate.\"\n" + before + "\"Level it.\"\n", DemoRig());
+  ASSERT_TRUE(plan.ok()) << plan.status();
+  EXPECT_EQ(plan->steps.front().text, "Clean the plate. Level it.");
+  EXPECT_EQ(StepsOf(*plan, StepKind::kPrompt).size(), 1u);
+  EXPECT_EQ(plan->prompts, 1u);
+  const std::string longest = before + '"' + std::string(1500, 'a') + "\"\n";
+  EXPECT_THAT(ErrorOf(Head() + GridOf() + longest + longest), HasSubstr("3001 bytes"));
+}
+
 TEST(Prompts, BeforeAndAfterEverything) {
   const auto plan = Compiled(Head() + GridOf() +
                                  "[[prompt]]\nwhen = \"after\"\ntext = \"Take it out.\"\n"
