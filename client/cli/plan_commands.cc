@@ -67,6 +67,21 @@ StatusOr<uint64_t> FreeBytes(const std::string& path) {
 // Journal rows and segment headers are a few hundred bytes a frame.
 uint64_t DiskBytes(const CompiledPlan& plan) { return plan.frame_bytes + 512ull * plan.frames; }
 
+// Of frames that are kept only until their displacement images are durable.
+uint64_t ReleasedBytes(const CompiledPlan& plan, const Rig& rig) {
+  uint64_t bytes = 0;
+  for (const Step& step : plan.steps) {
+    if (step.kind != StepKind::kSweep || step.sweep.keep_frames) continue;
+    for (size_t k = 0; k < step.cameras.size(); ++k) {
+      const Region& region = step.sweep.regions[k];
+      bytes += uint64_t{step.sweep.frames} * static_cast<uint64_t>(region.width) *
+               static_cast<uint64_t>(region.height) *
+               static_cast<uint64_t>(rig.cameras[step.cameras[k]].bytes_per_pixel());
+    }
+  }
+  return bytes;
+}
+
 double Ratio(const CompiledPlan& plan) {
   return plan.lower_bound_s > 0 ? plan.seconds / plan.lower_bound_s : 1;
 }
@@ -100,6 +115,7 @@ nlohmann::json Figures(const CompiledPlan& plan, const Rig& rig, uint64_t free_b
           {"prompts", plan.prompts},
           {"frame_bytes", plan.frame_bytes},
           {"disk_bytes", DiskBytes(plan)},
+          {"released_bytes", ReleasedBytes(plan, rig)},
           {"free_bytes", free_bytes},
           {"fits", DiskBytes(plan) <= free_bytes},
           {"seconds", plan.seconds},
@@ -135,7 +151,8 @@ void PrintFrames(const CompiledPlan& plan) {
   }
 }
 
-void PrintWork(const CompiledPlan& plan, uint64_t free_bytes, const std::string& state_dir) {
+void PrintWork(const CompiledPlan& plan, const Rig& rig, uint64_t free_bytes,
+               const std::string& state_dir) {
   const Counts counts = CountSteps(plan);
   if (counts.meters > 0) {
     fmt::print(
@@ -151,6 +168,9 @@ void PrintWork(const CompiledPlan& plan, uint64_t free_bytes, const std::string&
   fmt::print("  disk         {} needed, {} free at {}{}\n", BytesText(DiskBytes(plan)),
              BytesText(free_bytes), state_dir,
              DiskBytes(plan) <= free_bytes ? "" : ": DOES NOT FIT");
+  if (const uint64_t released = ReleasedBytes(plan, rig); released > 0) {
+    fmt::print("               {} of it, of sweeps, only until processed\n", BytesText(released));
+  }
 }
 
 void PrintPrompts(const CompiledPlan& plan, const Rig& rig) {
@@ -191,7 +211,7 @@ Status Check(const CheckOptions& options, const Common& common) {
     fmt::print("plan {} on rig {}\n", plan.name, rig.name);
     PrintSample(plan);
     PrintFrames(plan);
-    PrintWork(plan, free_bytes, options.state_dir);
+    PrintWork(plan, rig, free_bytes, options.state_dir);
     PrintPrompts(plan, rig);
     fmt::print("  SHA-256      {}\n", Sha256(PackPlan(plan)));
   }

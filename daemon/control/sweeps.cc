@@ -81,21 +81,28 @@ Status Sweeps::ShootFrames(const Step& step, double rate_rad_s, Owed& owed, Stat
   return OkStatus();
 }
 
+Status Sweeps::CheckSheet(const Step& step, uint32_t index) {
+  MESORIG_ASSIGN_OR_RETURN(const bool shines, context_.gate->Shines());
+  if (shines) return stance_.CheckHolds();
+  MESORIG_RETURN_IF_ERROR(context_.chain.Check());
+  return Unavailable("sweep {}: the laser went off at frame {}", step.sweep.index, index);
+}
+
 // `cameras` are left with those whose frame has not come until the next frame's time.
 Status Sweeps::ShootFrame(const Step& step, uint32_t index, RigTime deadline,
                           std::vector<int>& cameras, Status& missing) {
-  MESORIG_ASSIGN_OR_RETURN(const bool shines, context_.gate->Shines());
-  if (!shines) {
-    MESORIG_RETURN_IF_ERROR(context_.chain.Check());
-    return Unavailable("sweep {}: the laser went off at frame {}", step.sweep.index, index);
-  }
+  MESORIG_RETURN_IF_ERROR(CheckSheet(step, index));
   MESORIG_RETURN_IF_ERROR(cameras_.Trigger(cameras));
   MESORIG_ASSIGN_OR_RETURN(const LaserReading reading, context_.devices.laser->Read());
+  const Status exposed =
+      context_.devices.stop->Wait(cameras_.ExposureEnd(cameras), [] { return false; });
+  if (absl::IsCancelled(exposed)) return exposed;
+  MESORIG_RETURN_IF_ERROR(CheckSheet(step, index));  // it shone and stood through the exposure
   return cameras_.Collect(deadline, cameras, missing, [&](int camera, const CapturedFrame& frame) {
     FrameRecord record =
         book_.MakeRecord(step, step.exposure_s, cameras_.region(camera), frame, camera);
     record.shot = step.shot + index;
-    record.laser = LaserRecord{step.sweep.index, index, step.sweep.mount, reading.tilt_rad, shines};
+    record.laser = LaserRecord{step.sweep.index, index, step.sweep.mount, reading.tilt_rad, true};
     return book_.Append(std::move(record), frame);
   });
 }

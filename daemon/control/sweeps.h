@@ -27,6 +27,8 @@ class Sweeps {
   using Owed = std::vector<std::vector<int>>;
   Status Once(const Step& step, const Stance& stance, Owed& owed, Status& missing);
   Status ShootFrames(const Step& step, double rate_rad_s, Owed& owed, Status& missing);
+  // The laser shines, and the axes stand where they should.
+  Status CheckSheet(const Step& step, uint32_t index);
   Status ShootFrame(const Step& step, uint32_t index, RigTime deadline, std::vector<int>& cameras,
                     Status& missing);
 

@@ -83,6 +83,8 @@ const std::vector<FaultKind>& AllFaults() {
       {Of::kLamps, "close", "connections are closed; new ones are taken"},
       {Of::kNxt, "mount MOUNT", "the operator hangs the laser there; the door must be open"},
       {Of::kNxt, "switch off|on", "the brick's button"},
+      {Of::kNxt, "stuck", "the laser's motor does not turn, whatever the brick says"},
+      {Of::kNxt, "free", "it turns again"},
       {Of::kLines, "estop open|close", "the emergency stop"},
       {Of::kLines, "door open|close", "the door"},
       {Of::kLines, "reset", "pressed and let go"},

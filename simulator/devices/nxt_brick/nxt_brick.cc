@@ -110,6 +110,7 @@ std::string NxtBrick::SetOutputState(RigTime now, std::string_view body) {
 
 void NxtBrick::Apply(const Port& port, RigTime now) {
   limit_at_ = kNever;
+  if (stuck_) return unit_.motor().Drive(0, kBraking_s, now);
   if (port.run_state != kRunning || (port.mode & kMotorOn) == 0 || port.power == 0) {
     return Stop(now);
   }
@@ -200,8 +201,12 @@ Status NxtBrick::Inject(RigTime now, std::string_view text, sim_wire::Outbox&) {
     if (!on_) sleep_at_ = now + kSleepTime;
     on_ = true;
     unit_.SetBrickOn(true, now);
+  } else if (text == "stuck" || text == "free") {
+    stuck_ = text == "stuck";
+    if (on_) Apply(ports_[static_cast<size_t>(laser_.motor_port)], now);
   } else {
-    return InvalidArgument("nxt: \"{}\" is not one of: mount NAME, switch off, switch on", text);
+    return InvalidArgument(
+        "nxt: \"{}\" is not one of: mount NAME, switch off, switch on, stuck, free", text);
   }
   return OkStatus();
 }

@@ -58,6 +58,7 @@ class NxtBrick final : public sim_wire::SimDevice {
   std::array<Port, 3> ports_{};
   RigTime limit_at_ = kNever;  // the motor reaches its tacho limit
   bool on_ = true;
+  bool stuck_ = false;  // the motor does not turn
   RigTime sleep_at_;
   std::deque<std::pair<RigTime, std::string>> replies_;
   std::function<void(std::string_view, RigTime)> on_motor_;

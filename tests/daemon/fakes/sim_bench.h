@@ -11,7 +11,7 @@
 
 namespace mesorig::daemon {
 
-// The small rig, or another one without a laser.
+// The small rig, or another one.
 class SimBench {
  public:
   explicit SimBench(std::vector<sim_wire::TimedInjection> script = {}, Rig description = SmallRig())
@@ -28,6 +28,10 @@ class SimBench {
     lines_ = MakeDigitalLines("gpio_lines", end.context).value();
     devices_.lamps = lamps_.get();
     devices_.lines = lines_.get();
+    if (rig.laser) {
+      laser_ = MakeLineLaser("nxt_laser", end.context).value();
+      devices_.laser = laser_.get();
+    }
     devices_.stop = &end.stop;
     sequencer =
         Sequencer::Create(*end.link, rig, devices_, [this] { return end.link->deterministic(); });
@@ -43,6 +47,7 @@ class SimBench {
   std::vector<std::unique_ptr<Camera>> cameras_;
   std::unique_ptr<LampBank> lamps_;
   std::unique_ptr<DigitalLines> lines_;
+  std::unique_ptr<LineLaser> laser_;  // of a rig with one
 
  public:
   std::unique_ptr<Sequencer> sequencer;  // last: it uses all of them

@@ -4,6 +4,7 @@
 
 #include <condition_variable>
 #include <mutex>
+#include <thread>
 
 #include "daemon/session/session.h"
 #include "protocol/base/digest.h"
@@ -15,26 +16,39 @@ namespace {
 // Longer than every watch of the rig's own: lamps' communication loss, drives' heartbeat.
 constexpr RigTime kRigWatches = std::chrono::seconds(4);
 
+// The small rig's real motor does 3.75 deg/s.
+CompiledPlan SlowSweeps(const Rig& rig) {
+  CompiledPlan plan = SmallLaserPlan(rig);
+  for (Step& step : plan.steps) {
+    step.sweep.tilt_from_rad *= 0.2;
+    step.sweep.tilt_to_rad *= 0.2;
+  }
+  return plan;
+}
+
 class FaultBench : private SimBench {
  public:
-  explicit FaultBench(FaultScript script) : SimBench(std::move(script)) {
+  FaultBench(FaultScript script, FaultedPlan plan)
+      : SimBench(std::move(script), plan == FaultedPlan::kSweeps ? SmallLaserRig() : SmallRig()) {
     sequencer->OnEvent([this](const SequencerEvent& event) { Hear(event); });
   }
   ~FaultBench() { sequencer.reset(); }
   FaultOutcome Run(const std::filesystem::path& root) {
-    const CompiledPlan plan = SmallPlan(rig);
+    const CompiledPlan plan = rig.laser ? SlowSweeps(rig) : SmallPlan(rig);
+    std::thread hands([this] { ServePrompts(); });
     auto session = Session::Create(root, plan, rig).value();
     const std::string id = session->id();
     EXPECT_EQ(sequencer->Begin(SequencerCommand::kRun, {plan, session}), OkStatus());
     FaultOutcome outcome;
     {
       std::unique_lock lock(mutex_);
-      ended_.wait(lock, [&] { return end_event_.has_value(); });
+      heard_.wait(lock, [&] { return end_event_.has_value(); });
       outcome.complete = end_event_->complete;
       outcome.reason = end_event_->text;
       outcome.virtual_s = end_event_->virtual_s;
       outcome.recoveries = recoveries_;
     }
+    hands.join();
     const uint32_t acknowledged = session->Summary().frames_durable;
     session.reset();
     ReadBack(root, id, acknowledged, outcome);
@@ -43,15 +57,33 @@ class FaultBench : private SimBench {
   }
 
  private:
+  // The operator, until the session ends.
+  void ServePrompts() {
+    for (uint32_t answered = 0;;) {
+      {
+        std::unique_lock lock(mutex_);
+        heard_.wait(lock, [&] { return end_event_.has_value() || prompts_ > answered; });
+        if (end_event_) return;
+        answered = prompts_;
+      }
+      const auto prompt = sequencer->GetStatus().prompt;
+      if (!prompt) continue;
+      for (const std::string& hand : {std::string("lines door open"), "nxt mount " + prompt->mount,
+                                      std::string("lines door close"), std::string("lines reset")}) {
+        EXPECT_EQ(sim.Inject(hand), OkStatus()) << hand;
+      }
+      EXPECT_EQ(sequencer->Acknowledge(prompt->id), OkStatus());
+    }
+  }
   void Hear(const SequencerEvent& event) {
     std::lock_guard lock(mutex_);
+    if (event.kind == SequencerEvent::Kind::kPrompt) ++prompts_;
     if (event.kind == SequencerEvent::Kind::kNote &&
         event.text.find("trying again in") != std::string::npos) {
       ++recoveries_;
     }
-    if (event.kind != SequencerEvent::Kind::kEnded) return;
-    end_event_ = event;
-    ended_.notify_all();
+    if (event.kind == SequencerEvent::Kind::kEnded) end_event_ = event;
+    heard_.notify_all();
   }
   void ReadBack(const std::filesystem::path& root, const std::string& id, uint32_t acknowledged,
                 FaultOutcome& outcome) {
@@ -97,20 +129,23 @@ class FaultBench : private SimBench {
         const bool moves = sim.can.node(i).Moving(now);
         if (sim.can.node(i).torque_on() || moves) on += rig.axes[i].name + " ";
       }
+      if (sim.laser && sim.laser->Shines(now)) on += "laser ";
     });
     return on;
   }
 
   std::mutex mutex_;
-  std::condition_variable ended_;
+  std::condition_variable heard_;
   std::optional<SequencerEvent> end_event_;
   int recoveries_ = 0;
+  uint32_t prompts_ = 0;
 };
 
 }  // namespace
 
-FaultOutcome RunUnderFaults(const std::filesystem::path& root, FaultScript script) {
-  return FaultBench(std::move(script)).Run(root);
+FaultOutcome RunUnderFaults(const std::filesystem::path& root, FaultScript script,
+                            FaultedPlan plan) {
+  return FaultBench(std::move(script), plan).Run(root);
 }
 
 }  // namespace mesorig::daemon

@@ -27,7 +27,10 @@ struct FaultOutcome {
   std::string still_on;  // by the simulator's own state; empty: nothing
 };
 
+enum class FaultedPlan { kLamps, kSweeps };  // SmallPlan; SmallLaserPlan, with an operator
+
 // Runs the small plan of the small rig to its end, whatever that is. `root`: where sessions go.
-FaultOutcome RunUnderFaults(const std::filesystem::path& root, FaultScript script);
+FaultOutcome RunUnderFaults(const std::filesystem::path& root, FaultScript script,
+                            FaultedPlan plan = FaultedPlan::kLamps);
 
 }  // namespace mesorig::daemon

@@ -81,6 +81,36 @@ std::vector<Fault> AllKinds() {
   };
 }
 
+// During sweeps: of the laser, its gate and what else takes part in them.
+std::vector<Fault> KindsOfSweeps() {
+  const auto of_laser = [](const std::string& text) {
+    return Fault{{{0, "nxt " + text}}, {"line_laser", "laser"}};
+  };
+  return {
+      of_laser("drop"),
+      of_laser("drop 2 in"),
+      of_laser("delay 300 2"),
+      of_laser("delay 1500"),
+      of_laser("corrupt 2"),
+      of_laser("corrupt in"),
+      of_laser("duplicate 3"),
+      of_laser("disconnect"),
+      Then(of_laser("disconnect"), 2, "nxt replug"),
+      of_laser("stuck"),
+      Then(of_laser("stuck"), 1.5, "nxt free"),
+      of_laser("switch off"),
+      Then(of_laser("switch off"), 2, "nxt switch on"),
+      {{{0, "lines stuck laser_on"}}, {"laser"}},
+      {{{0, "lines door open"}}, {"interlock chain: door"}},
+      {{{0, "lines drop"}}, {"interlock chain", "laser"}},
+      OfCamera("drop"),
+      OfCamera("torn"),
+      Then(OfCamera("disconnect"), 1.5, "camera:1000 replug"),
+      OfAxis("arc", "lose 2"),
+      {{{0, "rig leap 2"}}, {"axis", "laser", "camera"}},
+  };
+}
+
 std::string Text(const Fault& fault) {
   std::string text;
   for (const auto& [seconds, injection] : fault.injections) {
@@ -95,9 +125,13 @@ class FaultTable : public ::testing::Test {
     root_ = std::filesystem::temp_directory_path() / fmt::format("mesorig-faults-{}", ::getpid());
     std::filesystem::remove_all(root_);
     std::filesystem::create_directories(root_);
-    plain_ = RunUnderFaults(root_, {});
+    RunPlain(FaultedPlan::kLamps, 5);
+  }
+  void RunPlain(FaultedPlan plan, size_t frames) {
+    plan_ = plan;
+    plain_ = RunUnderFaults(root_, {}, plan);
     ASSERT_TRUE(plain_.complete) << plain_.reason;
-    ASSERT_EQ(plain_.live.size(), 5u);
+    ASSERT_EQ(plain_.live.size(), frames);
     ASSERT_EQ(plain_.recoveries, 0);
   }
   void TearDown() override { std::filesystem::remove_all(root_); }
@@ -116,7 +150,7 @@ class FaultTable : public ::testing::Test {
     std::stable_sort(script.begin(), script.end(),
                      [](const auto& a, const auto& b) { return a.at < b.at; });
     SCOPED_TRACE(text);
-    const FaultOutcome outcome = RunUnderFaults(root_, script);
+    const FaultOutcome outcome = RunUnderFaults(root_, script, plan_);
     fmt::print("| {:<72} | {} | {} | {}\n", text, outcome.complete ? "right" : "fault",
                outcome.recoveries, outcome.complete ? "" : outcome.reason);
     ++ended_[outcome.complete ? 0 : 1];
@@ -137,7 +171,16 @@ class FaultTable : public ::testing::Test {
     EXPECT_TRUE(named) << outcome.reason;
   }
 
+  // At each share of the session's duration.
+  void CheckAlone(const std::vector<Fault>& kinds, const std::vector<double>& shares) {
+    for (const Fault& fault : kinds) {
+      for (const double share : shares) Check({{share * plain_.virtual_s, fault}});
+    }
+    fmt::print("{} ended right, {} in a fault, {} recoveries\n", ended_[0], ended_[1], recoveries_);
+  }
+
   std::filesystem::path root_;
+  FaultedPlan plan_ = FaultedPlan::kLamps;
   FaultOutcome plain_;
   int ended_[2] = {0, 0};
   int recoveries_ = 0;
@@ -145,12 +188,16 @@ class FaultTable : public ::testing::Test {
 
 TEST_F(FaultTable, EachAlone) {
   // While it homes; on the way to the first shot; among the shots.
-  const double end_s = plain_.virtual_s;
-  for (const Fault& fault : AllKinds()) {
-    for (const double share : {0.2, 0.62, 0.78}) Check({{share * end_s, fault}});
-  }
-  fmt::print("{} ended right, {} in a fault, {} recoveries\n", ended_[0], ended_[1], recoveries_);
+  CheckAlone(AllKinds(), {0.2, 0.62, 0.78});
   EXPECT_GT(ended_[0], 3 * static_cast<int>(AllKinds().size()) / 2) << "most are overcome";
+}
+
+TEST_F(FaultTable, InSweepsOfTheLaser) {
+  ASSERT_NO_FATAL_FAILURE(RunPlain(FaultedPlan::kSweeps, 32));
+  const std::vector<Fault> kinds = KindsOfSweeps();
+  // On the emitter's way to a sweep; in sweeps of both mounts.
+  CheckAlone(kinds, {0.5, 0.66, 0.93});
+  EXPECT_GT(ended_[0], 3 * static_cast<int>(kinds.size()) / 2) << "half of them and more are overcome";
 }
 
 TEST_F(FaultTable, RandomPairs) {
