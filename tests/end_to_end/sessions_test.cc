@@ -64,7 +64,7 @@ TEST_F(SessionsTest, AreListedAndTellTheirStory) {
   EXPECT_TRUE(Asked({"session", "verify", id_, "--json"}).value("balances", false));
   const auto entries = Asked({"session", "journal", id_, "--json"})["entries"];
   EXPECT_EQ(std::count_if(entries.begin(), entries.end(),
-                          [](const auto& entry) { return entry.value("kind", "") == "start"; }),
+                          [](const auto& entry) { return entry.value("kind", "") == "ended"; }),
             1);
 }
 
