@@ -135,12 +135,16 @@ Status Ledger::InsertEntries(const std::vector<JournalEntry>& entries) {
 
 Status Ledger::Commit(const std::vector<FrameRecord>& rows,
                       const std::vector<JournalEntry>& entries) {
+  return Transact(fmt::format("committing {} ledger rows", rows.size()), [&] {
+    MESORIG_RETURN_IF_ERROR(InsertRows(rows));
+    return InsertEntries(entries);
+  });
+}
+
+Status Ledger::Transact(std::string_view operation, const std::function<Status()>& body) {
   MESORIG_RETURN_IF_ERROR(Execute("BEGIN IMMEDIATE", "beginning a transaction"));
-  Status status = InsertRows(rows);
-  if (status.ok()) status = InsertEntries(entries);
-  if (status.ok()) {
-    status = Execute("COMMIT", fmt::format("committing {} ledger rows", rows.size()));
-  }
+  Status status = body();
+  if (status.ok()) status = Execute("COMMIT", operation);
   if (!status.ok()) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
   return status;
 }
@@ -150,7 +154,14 @@ Status Ledger::WriteStart() {
                  "opening the session's end again");
 }
 
-Status Ledger::WriteEnd(const SessionSummary& session) {
+Status Ledger::WriteEnd(const SessionSummary& session, const JournalEntry& entry) {
+  return Transact("writing the session's end", [&] {
+    MESORIG_RETURN_IF_ERROR(UpdateEnd(session));
+    return InsertEntries({entry});
+  });
+}
+
+Status Ledger::UpdateEnd(const SessionSummary& session) {
   Statement update(db_,
                    "UPDATE session SET end=?, reason=?, deterministic=?, virtual_s=?, wall_s=?");
   Binder(update.get())

@@ -40,8 +40,9 @@ class Ledger {
   Status Commit(const std::vector<FrameRecord>& rows, const std::vector<JournalEntry>& entries);
   // One more start of the session: its end is open again, `starts` is one more.
   Status WriteStart();
-  // end, reason, deterministic, virtual_s and wall_s of the session record.
-  Status WriteEnd(const SessionSummary& session);
+  // end, reason, deterministic, virtual_s and wall_s of the session record, with the journal's last
+  // entry, in one transaction.
+  Status WriteEnd(const SessionSummary& session, const JournalEntry& entry);
   // Moves the WAL into the main file, so that an ended session is one file.
   Status Checkpoint();
 
@@ -82,6 +83,9 @@ class Ledger {
   Status Error(std::string_view operation) const;
   Status InsertRows(const std::vector<FrameRecord>& rows);
   Status InsertEntries(const std::vector<JournalEntry>& entries);
+  Status UpdateEnd(const SessionSummary& session);
+  // All of it, or nothing.
+  Status Transact(std::string_view operation, const std::function<Status()>& body);
 
   std::filesystem::path path_;
   std::unique_ptr<JournalVfs> vfs_;  // only with faults

@@ -213,6 +213,9 @@ Status StoredSession::Record(JournalEntry entry) {
                            static_cast<int>(entry.kind), entry.value);
   }
   const bool is_exposure = entry.kind == JournalKind::kExposure;
+  if (entry.kind == JournalKind::kBegan || entry.kind == JournalKind::kResumed) {
+    began_rig_ns_ = entry.rig_ns;
+  }
   const int index = entry.index;
   const double value = entry.value;
   MESORIG_RETURN_IF_ERROR(writer_->Record(std::move(entry)));
@@ -271,9 +274,10 @@ void StoredSession::OnStorageChange(const Status& status) {
 }
 
 // Through a connection of its own: the writer's is its thread's.
-Status StoredSession::WriteEnd(SessionSummary ended, bool must_be_written) {
+Status StoredSession::WriteEnd(SessionSummary ended, const JournalEntry& entry,
+                               bool must_be_written) {
   auto ledger = Ledger::Open(folder_.journal(), faults_);
-  Status written = ledger.ok() ? (*ledger)->WriteEnd(ended) : ledger.status();
+  Status written = ledger.ok() ? (*ledger)->WriteEnd(ended, entry) : ledger.status();
   if (!written.ok() && must_be_written && absl::IsUnavailable(written)) return written;
   const Status closed = writer_->Close();
   writer_.reset();
@@ -311,10 +315,13 @@ Status StoredSession::Finish(bool complete, std::string_view reason, double virt
     // What went wrong stands as the reason.
     ended.reason = status.ok() ? std::string(reason) : std::string(Message(status));
   }
-  ended.virtual_s = before_.virtual_s + (std::isfinite(virtual_s) ? virtual_s : 0);
+  if (!std::isfinite(virtual_s)) virtual_s = 0;
+  ended.virtual_s = before_.virtual_s + virtual_s;
   ended.wall_s = before_.wall_s + (std::isfinite(wall_s) ? wall_s : 0);
   ended.deterministic = before_.deterministic && deterministic;
-  const Status written = WriteEnd(std::move(ended), complete);
+  const JournalEntry entry{JournalKind::kEnded, began_rig_ns_ + std::llround(virtual_s * 1e9), -1, 0,
+                           ended.end == SessionEnd::kComplete ? "complete" : ended.reason};
+  const Status written = WriteEnd(std::move(ended), entry, complete);
   return status.ok() ? written : status;
 }
 

@@ -85,7 +85,7 @@ class StoredSession final : public Session {
   StatusOr<SegmentEnds> ReadPlaces(Ledger& ledger) EXCLUDES(mutex_);
   void OnCommit(const std::vector<FrameRecord>& rows);
   void OnStorageChange(const Status& status);
-  Status WriteEnd(SessionSummary ended, bool must_be_written);
+  Status WriteEnd(SessionSummary ended, const JournalEntry& entry, bool must_be_written);
   StatusOr<FrameRecord> FindRow(int camera, uint64_t sequence);
   StatusOr<uint64_t> LastOfStretch(const FrameRecord& row) {
     MutexLock lock(reader_mutex_);
@@ -107,6 +107,7 @@ class StoredSession final : public Session {
   DiskFaults* faults_ = nullptr;
   UniqueFd lock_;          // on the folder: one writer
   SessionSummary before_;  // the session record when this run began
+  int64_t began_rig_ns_ = 0;  // when it did
   bool stays_complete_ = false;
 
   mutable Mutex mutex_;

@@ -138,10 +138,14 @@ TEST_F(Migration, AnOldSessionGoesOn) {
         ASSERT_TRUE(AppendShot(**session, step).ok());
       }
     }
-    ASSERT_TRUE((*session)->Record({JournalKind::kEnded, 9, -1, 0, ""}).ok());
+    ASSERT_TRUE((*session)->Record({JournalKind::kResumed, 9'000'000'000, -1, 0, ""}).ok());
     const Status finished = (*session)->Finish(true, "", 1, 1, true);
     EXPECT_TRUE(finished.ok()) << finished;
-    EXPECT_EQ((*session)->Entries()->size(), 1u);
+    const auto entries = (*session)->Entries();
+    ASSERT_EQ(entries->size(), 2u);
+    EXPECT_EQ(entries->back().kind, JournalKind::kEnded);
+    EXPECT_EQ(entries->back().rig_ns, 10'000'000'000) << "a second after it began";
+    EXPECT_EQ(entries->back().text, "complete");
   }
 }
 
