@@ -145,6 +145,20 @@ Status ReadView(const ExrReader& reader, const BtfFileInfo& info, int part, int 
   return OkStatus();
 }
 
+// Memory is taken for absent pairs too, which a file need not hold: what it declares must be in some
+// proportion to it, or small.
+Status CheckDeclared(const BtfFileInfo& info, const std::filesystem::path& path) {
+  constexpr double kMostPacked = 2200;  // bytes as float of a byte of the file: deflate's 1032 : 1 of half
+  constexpr double kSmallBytes = 256e6;
+  const double bytes = 12.0 * static_cast<double>(info.header.texel_count()) *
+                       static_cast<double>(info.present.size());
+  if (bytes <= std::max(kSmallBytes, kMostPacked * static_cast<double>(info.file_bytes))) {
+    return OkStatus();
+  }
+  return InvalidArgument("{}: declares {:.1f} GB of samples in {} bytes", path.string(),
+                         bytes * 1e-9, info.file_bytes);
+}
+
 }  // namespace
 
 StatusOr<BtfFileInfo> ReadBtfInfo(const std::filesystem::path& path) {
@@ -198,6 +212,7 @@ StatusOr<SampledBtf> ReadSampledBtf(const std::filesystem::path& path) {
   }
   MESORIG_ASSIGN_OR_RETURN(const auto parts, reader.PartsByName());
   MESORIG_RETURN_IF_ERROR(CheckDenseMemory(info.header, path));
+  MESORIG_RETURN_IF_ERROR(CheckDeclared(info, path));
   SampledBtf btf(info.header);
   for (int v = 0; v < info.header.view_count(); ++v) {
     bool any = false;

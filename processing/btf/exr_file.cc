@@ -2,6 +2,7 @@
 
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfInputPart.h>
 #include <OpenEXR/ImfMultiPartOutputFile.h>
 #include <OpenEXR/ImfOutputPart.h>
@@ -10,7 +11,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
+#include <fstream>
 #include <mutex>
 #include <set>
 #include <thread>
@@ -227,18 +231,46 @@ Status WritePart(Imf::MultiPartOutputFile& file, size_t index, const PartToWrite
   return OkStatus();
 }
 
+// OpenEXR's own stream is closed by a destructor, and tables of offsets are written by another: both
+// keep silent about a disk that is full. This one remembers.
+class CheckedStream final : public Imf::OStream {
+ public:
+  explicit CheckedStream(const std::filesystem::path& path)
+      : Imf::OStream(path.c_str()), out_(path, std::ios::binary | std::ios::trunc) {}
+  void write(const char c[], int n) override {
+    out_.write(c, n);
+    if (!out_) throw std::runtime_error(Failed());
+  }
+  uint64_t tellp() override { return static_cast<uint64_t>(std::streamoff(out_.tellp())); }
+  void seekp(uint64_t pos) override { out_.seekp(static_cast<std::streamoff>(pos)); }
+  // After the file that writes here is gone.
+  Status Finish() {
+    out_.close();
+    return out_ ? OkStatus() : Unavailable("{}", Failed());
+  }
+
+ private:
+  static std::string Failed() {
+    return errno != 0 ? std::strerror(errno) : "writing failed";
+  }
+  std::ofstream out_;
+};
+
 Status WriteParts(const std::filesystem::path& path, int display_width, int display_height,
                   const std::vector<PartToWrite>& parts, const FillChannel& fill) {
   std::vector<Imf::Header> headers;
   for (const PartToWrite& part : parts) {
     headers.push_back(FinishedHeader(part, display_width, display_height));
   }
-  Imf::MultiPartOutputFile file(path.c_str(), headers.data(), static_cast<int>(headers.size()),
-                                /*overrideSharedAttributes=*/false, Imf::globalThreadCount());
-  for (size_t i = 0; i < parts.size(); ++i) {
-    MESORIG_RETURN_IF_ERROR(WritePart(file, i, parts[i], fill));
+  CheckedStream stream(path);
+  {
+    Imf::MultiPartOutputFile file(stream, headers.data(), static_cast<int>(headers.size()),
+                                  /*overrideSharedAttributes=*/false, Imf::globalThreadCount());
+    for (size_t i = 0; i < parts.size(); ++i) {
+      MESORIG_RETURN_IF_ERROR(WritePart(file, i, parts[i], fill));
+    }
   }
-  return OkStatus();
+  return stream.Finish();
 }
 
 }  // namespace

@@ -42,7 +42,7 @@ double ImageRate(const EncodedBtf& encoded, const btf::SampledBtf& btf) {
   std::vector<float> image(btf.image_size());
   double samples = 0;
   const auto start = Clock::now();
-  for (int pass = 0; Since(start) < kLeastSeconds; ++pass) {
+  while (Since(start) < kLeastSeconds) {
     for (int v = 0; v < h.view_count() && Since(start) < kLeastSeconds; ++v) {
       for (int l = 0; l < h.light_count(); ++l) {
         if (!btf.Present(v, l)) continue;

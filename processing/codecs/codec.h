@@ -67,5 +67,8 @@ StatusOr<btf::SampledBtf> ReadAnyBtf(const std::filesystem::path& path);
 // names the plane, what it has and what it should have.
 StatusOr<btf::Plane> TakePlane(btf::CodedBtf& file, const std::string& name, int width, int height,
                                const std::vector<std::string>& channels);
+// InvalidArgument names the part and a value in it beyond +-largest: factors whose sums of products
+// would leave float.
+Status CheckMagnitudes(const btf::Plane& plane, double largest);
 
 }  // namespace mesorig::codecs

@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "processing/codecs/codec.h"
 
 namespace mesorig::codecs {
@@ -22,6 +24,16 @@ StatusOr<btf::Plane> TakePlane(btf::CodedBtf& file, const std::string& name, int
                            plane.channels.size(), channels.size());
   }
   return plane;
+}
+
+Status CheckMagnitudes(const btf::Plane& plane, double largest) {
+  for (const float x : plane.values) {
+    if (!(std::abs(x) <= largest)) {
+      return InvalidArgument("part {} holds {:g}, permitted are {:g} to {:g}", plane.name, x,
+                             -largest, largest);
+    }
+  }
+  return OkStatus();
 }
 
 }  // namespace mesorig::codecs

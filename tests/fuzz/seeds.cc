@@ -1,11 +1,14 @@
 // write_seeds DIR: seeds that are not text, made of what the repository has, into DIR/<target>/.
 
+#include "processing/codecs/encoder.h"
 #include "protocol/base/bytes.h"
 #include "protocol/base/digest.h"
 #include "protocol/sim_wire/envelope.h"
 #include "protocol/sim_wire/payloads.h"
 #include "tests/daemon/session/session_fixture.h"
+#include "tests/fuzz/coded_btf.h"
 #include "tests/fuzz/fuzz_target.h"
+#include "tests/processing/btf/synthetic.h"
 
 namespace mesorig {
 namespace {
@@ -75,6 +78,45 @@ void Messages(const Seeds& seeds) {
   seeds.Add("sim_wire", "camera_frame", '\1' + Pack(frame));
 }
 
+// A small BTF by every codec at one setting: its file, and its parts alone.
+void Compressed(const Seeds& seeds, const btf::SampledBtf& btf, const std::string& setting,
+                const codecs::EncodeOptions& options) {
+  const fuzz::ScratchFolder scratch;
+  for (const codecs::Encoder* encoder : codecs::AllEncoders()) {
+    const auto encoded = encoder->Encode(btf, options);
+    if (!encoded.ok()) continue;  // has no such option
+    const auto path = scratch.path() / "a.btf.exr";
+    MESORIG_CHECK(codecs::WriteEncodedBtf(**encoded, path).ok());
+    const std::string name = fmt::format("{}-{}", encoder->name(), setting);
+    seeds.Add("btf_file", name, ReadFile(path).value());
+    btf::CodedBtf coded = btf::ReadCodedBtf(path).value();
+    seeds.Add("codec_parts", name, fuzz::Pack(coded));
+    for (const float huge : {0x1p60f, 0x1p100f, 3.4e38f}) {  // factors that leave float together
+      for (auto& [part, plane] : coded.planes) {
+        if (!plane.half && !plane.bytes) std::fill(plane.values.begin(), plane.values.end(), huge);
+      }
+      seeds.Add("codec_parts", fmt::format("{}-{:a}", name, huge), fuzz::Pack(coded));
+    }
+  }
+}
+
+void Btfs(const Seeds& seeds) {
+  const auto directions = btf::RingDirections(1, 3, 40);
+  btf::BtfHeader header = btf::SmallHeader(3, 2, directions, directions);
+  const btf::SampledBtf btf = btf::SyntheticBtf(header, 0.2);
+  Compressed(seeds, btf, "half", {});
+  codecs::EncodeOptions options;
+  options.quantisation = codecs::Quantisation::kByte;
+  Compressed(seeds, btf, "bytes", options);
+  options.weighting = codecs::Weighting::kLog;
+  options.terms = 1;
+  Compressed(seeds, btf, "log", options);
+  header.mask = {1, 1, 0, 1, 1, 1};
+  const fuzz::ScratchFolder scratch;
+  MESORIG_CHECK(btf::WriteSampledBtf(btf::SyntheticBtf(header, 0.2), scratch.path() / "a").ok());
+  seeds.Add("btf_file", "raw", ReadFile(scratch.path() / "a").value());
+}
+
 }  // namespace
 }  // namespace mesorig
 
@@ -84,5 +126,6 @@ int main(int argc, char** argv) {
   mesorig::Plans(seeds);
   mesorig::Sessions(seeds);
   mesorig::Messages(seeds);
+  mesorig::Btfs(seeds);
   return 0;
 }

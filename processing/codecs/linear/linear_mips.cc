@@ -168,9 +168,13 @@ Level Coarser(Fitter& fitter, bool mean, size_t terms, const Level& fine) {
     fitter.Linearise(y);
     double least = std::numeric_limits<double>::infinity();
     size_t chosen = candidates[0];
+    std::fill(best.begin(), best.end(), 0.0f);
     for (const size_t cluster : candidates) {
       const double distance = fitter.Fit(y, cluster, g);
-      if (distance < least) least = distance, chosen = cluster, best = g;
+      // Not finite: bases that no encoder makes, whose weights leave float.
+      const bool finite = std::isfinite(distance) &&
+                          std::all_of(g.begin(), g.end(), [](float x) { return std::isfinite(x); });
+      if (finite && distance < least) least = distance, chosen = cluster, best = g;
     }
     if (mean) best[terms] = 1;
     coarse.g.insert(coarse.g.end(), best.begin(), best.end());

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include "processing/codecs/per_texel/chain_btf.h"
 #include "processing/codecs/per_texel/chain_fit.h"
@@ -42,8 +43,13 @@ Level Coarser(ChainFitter& fitter, const Level& fine) {
       for (size_t k = 0; k < samples; ++k) y[k] += one[k] / static_cast<float>(below.size());
     }
     const auto first = fine.values.begin() + static_cast<std::ptrdiff_t>(below[0] * size);
-    std::vector<float> texel(first, first + static_cast<std::ptrdiff_t>(size));
+    const std::vector<float> start(first, first + static_cast<std::ptrdiff_t>(size));
+    std::vector<float> texel = start;
     fitter.Refine(y, weights, kSweeps, 0, texel);
+    // Of factors that no encoder makes, whose products leave float.
+    if (!std::all_of(texel.begin(), texel.end(), [](float x) { return std::isfinite(x); })) {
+      texel = start;
+    }
     coarse.values.insert(coarse.values.end(), texel.begin(), texel.end());
   }
   return coarse;

@@ -10,6 +10,7 @@ namespace {
 
 constexpr int kMaxTerms = 4096;
 constexpr float kLeastScale = 0x1p-60f, kMostScale = 0x1p60f;
+constexpr double kLargestProduct = 0x1p62;  // its square stays in float: mip levels are fitted
 
 // One table of the model: `channels` in the order of its numbers in memory, but for colours.
 struct Table {
@@ -117,6 +118,21 @@ StatusOr<std::vector<float>> ReadScales(btf::CodedBtf& file, size_t stages) {
   return scales;
 }
 
+// Numbers of the tables are at most 1: so is a term, and a product what the scales and terms say.
+Status CheckProducts(const std::vector<Stage>& stages, const std::vector<float>& scales) {
+  for (size_t i = 0; i * stages.size() < scales.size(); ++i) {
+    double largest = 1;
+    for (size_t s = 0; s < stages.size(); ++s) {
+      largest *= static_cast<double>(scales[i * stages.size() + s]) * stages[s].terms;
+    }
+    if (!(largest <= kLargestProduct)) {
+      return InvalidArgument("part S, texel {}: products up to {:g}, at most {:g} are permitted", i,
+                             largest, kLargestProduct);
+    }
+  }
+  return OkStatus();
+}
+
 }  // namespace
 
 StatusOr<std::unique_ptr<EncodedBtf>> DecodeChain(btf::CodedBtf file, std::vector<Stage> stages) {
@@ -125,6 +141,7 @@ StatusOr<std::unique_ptr<EncodedBtf>> DecodeChain(btf::CodedBtf file, std::vecto
   MESORIG_RETURN_IF_ERROR(CountTerms(file, stages));
   MESORIG_ASSIGN_OR_RETURN(factors.floor, TakeFloor(file));
   MESORIG_ASSIGN_OR_RETURN(factors.scales, ReadScales(file, stages.size()));
+  MESORIG_RETURN_IF_ERROR(CheckProducts(stages, factors.scales));
   const Layout layout = LayoutOf(stages, h);
   const size_t texels = h.texel_count();
   // Parts first, memory then: the planes prove the size.

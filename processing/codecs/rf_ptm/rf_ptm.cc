@@ -116,6 +116,8 @@ std::vector<btf::Plane> RfPtmBtf::Planes() const {
 
 namespace {
 
+constexpr double kLargestValue = 1e36;  // of a coefficient; six of them are summed
+
 class RfPtmDecoder final : public Decoder {
  public:
   std::string_view name() const override { return kName; }
@@ -130,11 +132,16 @@ class RfPtmDecoder final : public Decoder {
       return InvalidArgument("{} parts of polynomials for {} views", file.planes.size(),
                              h.views.size());
     }
+    if (file.info.value_scale > kLargestValue) {
+      return InvalidArgument("a value scale of {:g}, at most {:g} is permitted",
+                             file.info.value_scale, kLargestValue);
+    }
     const size_t texels = h.texel_count();
     std::vector<float> coefficients;
     for (int v = 0; v < h.view_count(); ++v) {
       MESORIG_ASSIGN_OR_RETURN(const btf::Plane plane,
                                TakePlane(file, ViewPart(v), h.width, h.height, Channels()));
+      MESORIG_RETURN_IF_ERROR(CheckMagnitudes(plane, kLargestValue / file.info.value_scale));
       const size_t first = coefficients.size();
       coefficients.resize(first + plane.values.size());
       for (size_t a = 0; a < kCoefficients; ++a) {

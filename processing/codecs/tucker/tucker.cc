@@ -1,6 +1,7 @@
 #include "processing/codecs/tucker/tucker.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "processing/codecs/linear/linear_planes.h"
 #include "protocol/base/check.h"
@@ -8,6 +9,7 @@
 namespace mesorig::codecs::tucker {
 namespace {
 
+constexpr float kLargestVector = 0x1p110f;  // 4096 terms of them stay in float
 constexpr double kMostBytes = 2147483648.0;  // of vectors, once multiplied out
 
 // h_a(v, l) = s_a sum over b, c of Z_abc V_b(v) L_c(l) of what is present, as LinearFactors has it.
@@ -59,6 +61,11 @@ StatusOr<std::unique_ptr<EncodedBtf>> TuckerBtf::Create(btf::BtfFileInfo info, C
   MESORIG_CHECK(core.lights.size() ==
                 header.lights.size() * 3 * static_cast<size_t>(core.light_terms));
   factors.h = Vectors(info, core, stride);
+  for (const float x : factors.h) {
+    if (std::abs(x) <= kLargestVector) continue;
+    return InvalidArgument("parts Z, V and L multiply out to {:g}, at most {:g} is permitted", x,
+                           kLargestVector);
+  }
   factors.g = std::move(g);
   factors.scales.assign(stride, 1.0f);
   std::copy(core.scales.begin(), core.scales.end(), factors.scales.begin());

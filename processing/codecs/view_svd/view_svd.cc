@@ -87,6 +87,8 @@ std::optional<ShaderForm> ViewSvdBtf::ToShader() const {
 
 namespace {
 
+constexpr double kLargestWeight = 0x1p104;  // what Balance makes of the largest float, and some more
+
 class ViewSvdDecoder final : public Decoder {
  public:
   std::string_view name() const override { return kName; }
@@ -99,6 +101,7 @@ class ViewSvdDecoder final : public Decoder {
       return InvalidArgument("{} terms, permitted are 1 to {} (views)", terms, h.view_count());
     }
     MESORIG_ASSIGN_OR_RETURN(btf::Plane e, TakePlane(file, "E", terms, h.view_count(), {"E"}));
+    MESORIG_RETURN_IF_ERROR(CheckMagnitudes(e, kLargestWeight));
     const size_t texels = h.texel_count(), layers = static_cast<size_t>(terms) * h.lights.size();
     std::vector<float> eigen_textures;
     Quantisation quantisation = Quantisation::kHalf;
