@@ -145,7 +145,10 @@ Status Bench(const BenchCommand& command) {
   const btf::BtfHeader& h = btf.header();
   std::vector<codecs::BenchPoint> points;
   for (const codecs::Encoder* encoder : encoders) {
-    for (auto& point : codecs::Sweep(*encoder, btf, command.most_terms)) points.push_back(point);
+    for (auto& point : codecs::Sweep(*encoder, btf, command.most_terms)) {
+      point.options.clamp_negative = command.clamp_negative;
+      points.push_back(std::move(point));
+    }
   }
   if (command.out) {
     std::error_code error;

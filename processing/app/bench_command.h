@@ -15,6 +15,7 @@ struct BenchCommand {
   std::vector<std::string> codecs;            // none: all
   std::optional<std::filesystem::path> out;   // folder for bench.html, bench.json, plots, pictures
   int most_terms = 64;
+  bool clamp_negative = false;                // as EncodeOptions
   bool json = false;
 };
 // Prints a table, or one JSON object. InvalidArgument for a codec that there is not or one that cannot

@@ -51,6 +51,7 @@ json InfoJson(const btf::BtfFileInfo& info) {
           {"primaries", h.primaries},
           {"masked", !h.mask.empty()},
           {"value_scale", info.value_scale},
+          {"negative_values", info.clamp_negative ? "clamp" : "keep"},
           {"provenance", json::parse(h.provenance_json)},
           {"bytes", info.file_bytes},
           {"uncompressed_bytes", btf::UncompressedBytes(h, info.present)}};
@@ -169,7 +170,7 @@ Status Compress(const CompressOptions& options) {
   MESORIG_ASSIGN_OR_RETURN(
       const auto encoded,
       targeted ? codecs::EncodeToTarget(*encoder, btf, options.encode, options.target)
-               : encoder->Encode(btf, options.encode));
+               : codecs::EncodeBtf(*encoder, btf, options.encode));
   const double encode_s = SecondsSince(start);
   progress.Show(0.6);
   MESORIG_RETURN_IF_ERROR(codecs::WriteEncodedBtf(*encoded, options.to));
@@ -179,6 +180,7 @@ Status Compress(const CompressOptions& options) {
   const double decode_s = SecondsSince(decode_start);
   progress.Show(0.9);
   MESORIG_ASSIGN_OR_RETURN(const btf::BtfErrors errors, btf::CompareBtf(decoded, btf));
+  const double clamped_mass = codecs::MeasureDecoded(*encoded, btf).clamped_mass;
   const uint64_t raw = btf::UncompressedBytes(btf.header(), encoded->info().present);
   const uint64_t bytes = std::filesystem::file_size(options.to);
   const double ratio = static_cast<double>(raw) / static_cast<double>(bytes);
@@ -190,7 +192,8 @@ Status Compress(const CompressOptions& options) {
                    {"bytes", bytes},
                    {"uncompressed_bytes", raw},
                    {"ratio", ratio},
-                   {"clamped_mass", codecs::MeasureDecoded(*encoded, btf).clamped_mass},
+                   {"clamped_mass", clamped_mass},
+                   {"negative_values", encoded->info().clamp_negative ? "clamp" : "keep"},
                    {"encode_s", encode_s},
                    {"decode_s", decode_s},
                    {"seconds", SecondsSince(start)}});
@@ -201,6 +204,8 @@ Status Compress(const CompressOptions& options) {
   }
   fmt::print("{}: {} bytes, ratio {:.1f}, encoded in {:.2f} s, decoded in {:.2f} s\n",
              options.to.string(), bytes, ratio, encode_s, decode_s);
+  fmt::print("  below zero: {:.2g} of the mass, {}\n", clamped_mass,
+             encoded->info().clamp_negative ? "clamped" : "kept");
   fmt::print("  {}\n", ErrorsText(errors, btf.header().calibrated));
   return OkStatus();
 }

@@ -123,6 +123,7 @@ void AddBench(CLI::App& app, Arguments& a) {
   bench->add_option("--most-terms", a.bench.most_terms, "where the sweep of terms ends")
       ->check(CLI::Range(1, 4096))
       ->capture_default_str();
+  processing::AddNegativeOption(bench, a.bench.clamp_negative);
   bench->add_option("-o,--out", a.bench.out, "folder to write");
 }
 

@@ -22,6 +22,16 @@ std::string SetTerms(const std::string& text, int& terms) {
 
 }  // namespace
 
+void AddNegativeOption(CLI::App* command, bool& clamp_negative) {
+  static const std::map<std::string, bool> policies = {{"keep", false}, {"clamp", true}};
+  command
+      ->add_option("--negative", clamp_negative,
+                   "what decodes below zero: keep it (errors stay linear), or clamp it at zero; its "
+                   "mass is reported either way")
+      ->transform(CLI::Transformer(policies))
+      ->type_name("keep|clamp");
+}
+
 void AddEncodeOptions(CLI::App* command, codecs::EncodeOptions& options) {
   command
       ->add_option_function<std::string>(
@@ -47,6 +57,7 @@ void AddEncodeOptions(CLI::App* command, codecs::EncodeOptions& options) {
       ->check(CLI::PositiveNumber);
   command->add_flag("--solid-angle", options.solid_angle,
                     "pairs weigh by the solid angle that their directions stand for");
+  AddNegativeOption(command, options.clamp_negative);
   command
       ->add_option_function<std::string>(
           "--quantise", [&options](const std::string& text) {

@@ -10,4 +10,7 @@ namespace mesorig::processing {
 // Borrows `options`, which the parser fills.
 void AddEncodeOptions(CLI::App* command, codecs::EncodeOptions& options);
 
+// --negative keep|clamp alone, which all codecs take.
+void AddNegativeOption(CLI::App* command, bool& clamp_negative);
+
 }  // namespace mesorig::processing

@@ -48,6 +48,7 @@ void PutAttributes(const BtfFileInfo& info, Imf::Header& header) {
   put.Text("primaries", h.primaries);
   put.Text("provenance", h.provenance_json);
   put.Real("valueScale", info.value_scale);
+  if (info.clamp_negative) put.Flag("clampNegative", true);
   std::string presence(info.present.size(), '0');
   for (size_t i = 0; i < presence.size(); ++i) {
     if (info.present[i] != 0) presence[i] = '1';
@@ -78,6 +79,7 @@ StatusOr<BtfFileInfo> GetAttributes(const Imf::Header& header, const std::string
   get.Text("provenance", h.provenance_json);
   get.Real("valueScale", info.value_scale);
   get.Text("presence", presence);
+  if (header.find("clampNegative") != header.end()) get.Flag("clampNegative", info.clamp_negative);
   MESORIG_RETURN_IF_ERROR(get.status());
   for (const char flag : presence) {
     if (flag != '0' && flag != '1') {

@@ -24,6 +24,7 @@ struct BtfFileInfo {
   int codec_version = 1;
   std::string codec_options_json;  // what the encoder was told and what it found, "{}" for raw
   double value_scale = 1;          // stored * scale = value
+  bool clamp_negative = false;     // of a codec: what decodes below zero is zero (codecs/clamped.h)
   std::vector<uint8_t> present;    // v * nL + l, light fastest; 1 is present
   uint64_t file_bytes = 0;
 };

@@ -108,7 +108,7 @@ StatusOr<BenchResult> Measure(const BenchPoint& point, const btf::SampledBtf& bt
   const bool peak = RestartPeak();
   const int64_t before = MemoryOf("VmRSS:");
   const auto start = Clock::now();
-  MESORIG_ASSIGN_OR_RETURN(result.encoded, point.encoder->Encode(btf, point.options));
+  MESORIG_ASSIGN_OR_RETURN(result.encoded, EncodeBtf(*point.encoder, btf, point.options));
   result.encode_s = Since(start);
   const int64_t after = MemoryOf("VmHWM:");
   if (peak && before >= 0 && after >= 0) result.peak_bytes = std::max<int64_t>(after - before, 0);

@@ -2,6 +2,8 @@
 
 #include <fmt/ranges.h>
 
+#include "processing/codecs/clamped.h"
+
 #define MESORIG_ENTRY(id, public_name) \
   namespace mesorig::codecs::id {      \
   const Decoder& TheDecoder();         \
@@ -51,6 +53,7 @@ StatusOr<std::unique_ptr<EncodedBtf>> ReadEncodedBtf(const std::filesystem::path
   }
   auto encoded = (*decoder)->Decode(std::move(file));
   if (!encoded.ok()) return Annotate(encoded.status(), path.string());
+  if ((*encoded)->info().clamp_negative) return Clamped(*std::move(encoded));
   return encoded;
 }
 

@@ -24,6 +24,8 @@ class EncodedBtf {
  public:
   virtual ~EncodedBtf() = default;
   virtual const btf::BtfFileInfo& info() const = 0;
+  // The same where info().clamp_negative is false; else what it would decode to without clamping.
+  virtual const EncodedBtf& before_clamping() const { return *this; }
   // The image of measured view v under measured light l: W*H*3 values as in SampledBtf::Image.
   // `view`, `light` and the size of `rgb` must be right.
   virtual void DecodeImage(int view, int light, std::span<float> rgb) const = 0;

@@ -124,7 +124,7 @@ StatusOr<CrossValidation> CrossValidate(btf::SampledBtf& btf, const Encoder& enc
     const HeldOut held(btf, light);
     if (held.views().empty()) continue;
     const auto start = std::chrono::steady_clock::now();
-    MESORIG_ASSIGN_OR_RETURN(const auto encoded, encoder.Encode(btf, options));
+    MESORIG_ASSIGN_OR_RETURN(const auto encoded, EncodeBtf(encoder, btf, options));
     result.seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     SquareSum errors, lambert;
     for (const int view : held.views()) {

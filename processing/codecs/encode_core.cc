@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include "processing/codecs/clamped.h"
 #include "processing/codecs/encoder.h"
 
 namespace mesorig::codecs {
@@ -34,6 +35,13 @@ std::string_view NameOf(Weighting weighting) {
       return "relative";
   }
   return "linear";
+}
+
+StatusOr<std::unique_ptr<EncodedBtf>> EncodeBtf(const Encoder& encoder, const btf::SampledBtf& btf,
+                                                const EncodeOptions& options) {
+  MESORIG_ASSIGN_OR_RETURN(auto encoded, encoder.Encode(btf, options));
+  if (options.clamp_negative) return Clamped(std::move(encoded));
+  return encoded;
 }
 
 btf::BtfFileInfo InfoOf(const btf::SampledBtf& btf, std::string_view codec, int version) {

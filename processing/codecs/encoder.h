@@ -23,6 +23,7 @@ struct EncodeOptions {
   Weighting weighting = Weighting::kLinear;
   double floor = 0;           // of log and relative, in the BTF's unit; 0: a hundredth of the RMS
   bool solid_angle = false;   // pairs weigh by the solid angle of their directions
+  bool clamp_negative = false;  // EncodeBtf: decoders show what is below zero as zero (clamped.h)
   std::optional<Quantisation> quantisation;  // nothing: half; float for kAllTerms
   int64_t block_bytes = int64_t{64} << 20;   // working memory of a factorisation, about
 };
@@ -49,6 +50,11 @@ class Encoder {
   virtual StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
                                                        const EncodeOptions& options) const = 0;
 };
+
+// Encodes by a codec, and adds what is done alike for all: options.clamp_negative, which Encode of a
+// codec by itself knows nothing of. Errors as Encoder::Encode. Reentrant.
+StatusOr<std::unique_ptr<EncodedBtf>> EncodeBtf(const Encoder& encoder, const btf::SampledBtf& btf,
+                                                const EncodeOptions& options);
 
 const std::vector<const Encoder*>& AllEncoders();
 StatusOr<const Encoder*> FindEncoder(std::string_view name);

@@ -50,17 +50,19 @@ DecodedErrors MeasureDecoded(const EncodedBtf& encoded, const btf::SampledBtf& b
   auto percentile = std::make_unique<Percentile>();
   double difference = 0, reference = 0, magnitude = 0, negative = 0;
   uint64_t samples = 0;
+  const bool clamp = encoded.info().clamp_negative;
   DecodedErrors e;
   for (int v = 0; v < h.view_count(); ++v) {
     for (int l = 0; l < h.light_count(); ++l) {
       if (!btf.Present(v, l)) continue;
-      encoded.DecodeImage(v, l, image);
+      encoded.before_clamping().DecodeImage(v, l, image);
       const auto truth = btf.Image(v, l);
       for (size_t i = 0; i < image.size(); ++i) {
         if (!h.InMask(i / 3)) continue;
-        const double a = image[i], b = truth[i], d = std::abs(a - b);
+        const double a = clamp ? std::max(image[i], 0.0f) : image[i], b = truth[i];
+        const double d = std::abs(a - b);
         difference += d * d, reference += b * b, magnitude += std::abs(b);
-        negative += std::max(0.0, -a);
+        negative += std::max(0.0f, -image[i]);
         e.max_abs = std::max(e.max_abs, d);
         percentile->Add(d);
         ++samples;
@@ -106,7 +108,7 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeToTarget(const Encoder& encoder,
   // Whether so many terms are enough (error), or are affordable (bytes); keeps what should be kept.
   const auto fits = [&](int terms) -> StatusOr<bool> {
     options.terms = terms;
-    MESORIG_ASSIGN_OR_RETURN(auto encoded, encoder.Encode(btf, options));
+    MESORIG_ASSIGN_OR_RETURN(auto encoded, EncodeBtf(encoder, btf, options));
     if (by_error) {
       reached = MeasureDecoded(*encoded, btf).rel_error;
       if (reached <= target.error) best = std::move(encoded);

@@ -15,8 +15,8 @@ struct DecodedErrors {
   double psnr_db = 0;        // as btf::BtfErrors
   double p99_abs = 0;        // 99th percentile of |decoded - btf|, to 2 %
   double max_abs = 0;
-  // Sum of what is below zero in the decoded over the sum of magnitudes of the original: what
-  // clamping would add.
+  // Sum of what is below zero before any clamping over the sum of magnitudes of the original: what
+  // clamping adds, or would add. The errors are those after clamping, where the file says so.
   double clamped_mass = 0;
 };
 // Decodes one image at a time. The header must be the BTF's.

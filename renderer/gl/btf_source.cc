@@ -73,7 +73,7 @@ std::vector<float> BtfSource::Image(int view, int light) const {
 }
 
 std::array<float, 3> BtfSource::Evaluate(int x, int y, Vec3 v, Vec3 l) const {
-  if (encoded_) return encoded_->Evaluate(x, y, v, l);
+  if (encoded_) return encoded_->before_clamping().Evaluate(x, y, v, l);
   const btf::PairWeights pairs = interpolator_.Lookup(v, l);
   const size_t first =
       (static_cast<size_t>(y) * static_cast<size_t>(header().width) + static_cast<size_t>(x)) * 3;

@@ -29,7 +29,7 @@ class BtfSource {
   // The image of measured view and light, W*H*3 as SampledBtf::Image.
   std::vector<float> Image(int view, int light) const;
   // One texel at arbitrary directions: btf::PairInterpolator between the samples of an uncompressed
-  // BTF, the codec's own Evaluate otherwise.
+  // BTF, the codec's own Evaluate otherwise, before any clamping: shaders filter first.
   std::array<float, 3> Evaluate(int x, int y, Vec3 v, Vec3 l) const;
   // The Lambert reflectance (rho / pi, sr^-1) that fits the most frontal view best over its lights:
   // sum(value * cos) / sum(cos^2) a texel; W*H*3. FailedPrecondition when nothing is present.

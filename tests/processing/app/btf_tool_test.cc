@@ -87,6 +87,25 @@ TEST_F(BtfTool, CompressToATarget) {
   EXPECT_EQ(none.exit, 2) << none.text;
 }
 
+TEST_F(BtfTool, NegativeValuesAreKeptOrClampedAndTheirMassIsSaid) {
+  btf::SampledBtf dark = *btf::ReadSampledBtf(folder_ / "a.btf.exr");
+  for (int pair = 0; pair < 169; ++pair) {  // most of it is black: few terms overshoot there
+    for (float& x : dark.MutableImage(pair / 13, pair % 13)) x = std::max(x - 0.2f, 0.0f);
+  }
+  ASSERT_TRUE(btf::WriteSampledBtf(dark, folder_ / "dark").ok());
+  const std::string command = "compress --json --codec fmf --terms 2 " + Path("dark");
+  const auto kept = nlohmann::json::parse(Tool(command + " --out " + Path("k")).text);
+  const auto clamped =
+      nlohmann::json::parse(Tool(command + " --negative clamp --out " + Path("c")).text);
+  EXPECT_EQ(kept["negative_values"], "keep");
+  EXPECT_EQ(clamped["negative_values"], "clamp");
+  EXPECT_GT(kept["clamped_mass"], 0);
+  EXPECT_EQ(kept["clamped_mass"], clamped["clamped_mass"]);
+  EXPECT_LT(clamped["rel_error"], kept["rel_error"]);
+  EXPECT_EQ(nlohmann::json::parse(Tool("info --json " + Path("c")).text)["negative_values"], "clamp");
+  EXPECT_EQ(Tool(command + " --negative maybe --out " + Path("c")).exit, 2);
+}
+
 TEST_F(BtfTool, Bench) {
   const Output output = Tool("bench --json --codecs mean,fmf,pcmf --most-terms 4 --out " +
                              Path("bench") + " " + Path("a.btf.exr"));
