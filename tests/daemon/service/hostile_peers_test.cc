@@ -214,6 +214,29 @@ TEST_F(OtherUserTest, ComesInByHisGroupOnly) {
   EXPECT_EQ(sequencer_.commands().size(), 1u) << "of the group of operators";
 }
 
+// There is no pool that could be used up: a call gets a thread however many others wait in theirs.
+TEST_F(HostilePeersTest, AStopComesThroughBesideAHundredCallsThatWait) {
+  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::Event>>> streams;
+  sequencer_.Emit({});
+  v1::Event event;
+  for (int i = 0; i < 100; ++i) {
+    contexts.push_back(std::make_unique<grpc::ClientContext>());
+    streams.push_back(control_->Watch(contexts.back().get(), v1::WatchRequest()));
+    ASSERT_TRUE(streams.back()->Read(&event));
+  }
+  const wire::KeyAndCertificate otto = lab_.Make("observer", "otto");
+  const AnyReply stopped = AnyCall(Dial(access_->address(), lab_.ca.certificate_pem, &otto),
+                                   "/mesorig.v1.Control/Stop");
+  EXPECT_TRUE(stopped.status.ok()) << stopped.status.error_message();
+  EXPECT_EQ(sequencer_.stopped().size(), 1u);
+  EXPECT_EQ(access_->calls_under_way(), streams.size());
+  for (size_t i = 0; i < streams.size(); ++i) {
+    contexts[i]->TryCancel();
+    streams[i]->Finish();
+  }
+}
+
 class LimitsTest : public HostilePeersTest {
  protected:
   LimitsTest() {
