@@ -220,7 +220,7 @@ void Safety::AskLight(int lamp) {
   clock_.Change([&] {
     if (lamp != lamp_asked_) {
       dark_at_ = now + FromSeconds(kLightStuck_s + 2 * MaxSettle_s(rig_));
-      flags_.light_stuck = false;
+      flags_.light_stuck = dark_seen_ = false;
     }
     lamp_asked_ = lamp;
     alive_until_ = std::max(alive_until_, now);

@@ -6,7 +6,7 @@
 //
 // Two threads. The watch is a rig thread: every kPoll_s of rig time (kCalmPoll_s while nothing is
 // energised) it reads chain, contactor, laser and axes, every kLampPoll_s lamps and their
-// temperatures; edges of lines wake it at once. The stop thread lives on the host clock: it carries
+// temperatures (every kCalmLampPoll_s once all lamps have been seen dark); edges of lines wake it at once. The stop thread lives on the host clock: it carries
 // out StopNow, and finds a member of the rig clock that hangs while the rig is energised. Neither
 // takes a lock but the clock's (held for moments by anybody) and their own; neither touches disk,
 // database or clients.
@@ -76,7 +76,7 @@ struct SafetyOptions {
 // Thread-safe. Borrows everything.
 class Safety {
  public:
-  static constexpr double kPoll_s = 0.1, kCalmPoll_s = 0.5, kLampPoll_s = 1;
+  static constexpr double kPoll_s = 0.1, kCalmPoll_s = 0.5, kLampPoll_s = 1, kCalmLampPoll_s = 10;
   // Whoever has energised the rig and is not heard of for so long hangs. Each call of axes(),
   // lamps() and gate() is heard; one that waits, until its deadline.
   static constexpr double kAlive_s = 10;  // rig time, beside the rig's settling and exposure times
@@ -179,12 +179,14 @@ class Safety {
   bool act_ = false;  // the watch is wanted at once
   uint64_t polls_wanted_ = 0;
   RigTime alive_until_{}, dark_at_{};  // when light that went off must be gone
+  bool dark_seen_ = false;             // it was read back as gone, after that
   std::string hang_, heat_, light_;
   std::vector<std::string> untold_;  // trips
   Persists power_lost_, contactor_stuck_, motion_stuck_, laser_stuck_;
 
   SafetyListeners on_stop_, on_trip_;
-  RigTime lamps_due_{};  // of the watch
+  RigTime lamps_due_{};  // of the watch, while something may glow
+  RigTime calm_lamps_due_{};
   std::atomic<uint64_t> polls_done_{0};
   std::unique_ptr<LaserGate> gate_;
   std::vector<std::unique_ptr<Axis>> axis_guards_;

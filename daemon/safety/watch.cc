@@ -74,8 +74,8 @@ void Safety::Poll(bool lamps_too) {
       hang_ = fmt::format("no progress for {:.1f} s while the rig is energised",
                           Seconds(now - alive_until_));
     }
-    const bool may_glow = energised || now < dark_at_ + FromSeconds(2 * kLampPoll_s);
-    look = lamps_too || (may_glow && now >= lamps_due_);
+    // Dark is what was read as dark: a bank that could not be read may have kept a lamp on.
+    look = lamps_too || now >= (energised || !dark_seen_ ? lamps_due_ : calm_lamps_due_);
     StepInsideChange(false, false);
   });
   if (look) PollLamps(now);
@@ -121,6 +121,7 @@ void Safety::PollAxes(RigTime now) {
 
 void Safety::PollLamps(RigTime now) {
   lamps_due_ = now + FromSeconds(kLampPoll_s);
+  calm_lamps_due_ = now + FromSeconds(kCalmLampPoll_s);
   const auto readings = devices_.lamps->Watch();
   if (!readings.ok()) {  // shows by the age of what was read last; the bank's own timeout acts
     Log("safety").debug("safety: {}", Message(readings.status()));
@@ -133,6 +134,7 @@ void Safety::PollLamps(RigTime now) {
     seen_.lamps_read_at = now;
     const int lit = LitUnasked(readings->levels, lamp_asked_);
     flags_.light_stuck = now >= dark_at_ && lit >= 0;
+    dark_seen_ = now >= dark_at_ && lit < 0;
     if (flags_.light_stuck) {
       light_ = fmt::format(
           "lamp {} is lit, level {:.3f}, and nobody asked for it; if it stays so, the emergency stop "

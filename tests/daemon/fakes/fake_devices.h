@@ -3,6 +3,7 @@
 // of the log is called before each operation takes effect; what it returns fails the operation.
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <functional>
 #include <map>
@@ -159,8 +160,12 @@ class FakeLampBank final : public LampBank {
   // Not in the log: nobody's command.
   StatusOr<LampReadings> Watch() override {
     std::lock_guard lock(mutex_);
+    if (unreadable) return Unavailable("lamp bank: no answer");
     return LampReadings{LevelsNow(), housing_c};
   }
+  // What happens at the bank, whoever asked for it.
+  void Light(int channel) { Switch(channel); }
+  std::atomic<bool> unreadable{false};  // for Watch
   std::vector<double> housing_c;  // set while nothing runs
   Status AllOff() override {
     MESORIG_RETURN_IF_ERROR(log_.Add("lamps off"));

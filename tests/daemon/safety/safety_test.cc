@@ -163,6 +163,28 @@ TEST_F(SafetyTest, HotHousingTripsUntilItHasCooled) {
   EXPECT_EQ(safety_->Reset(), OkStatus());
 }
 
+// The bank was gone as everything was switched off, and comes back with a lamp lit: however long it
+// took, somebody looks.
+TEST_F(SafetyTest, ALampThatComesBackLitIsSwitchedOff) {
+  TurnOn();
+  ASSERT_EQ(safety_->StopNow("enough"), OkStatus());
+  lamps_.unreadable = true;
+  Pass(120);
+  lamps_.Light(rig_.lamps[1].channel);
+  lamps_.unreadable = false;
+  Pass(1.2);
+  ExpectOff();
+  EXPECT_THAT(WhyNot(), HasSubstr("lamp L1 is lit"));
+  Pass(10);  // it glows for a while
+  EXPECT_EQ(safety_->Reset(), OkStatus());
+  // Later, and with nothing wrong before.
+  Pass(60);
+  lamps_.Light(rig_.lamps[0].channel);
+  Pass(Safety::kCalmLampPoll_s + 1);
+  ExpectOff();
+  EXPECT_THAT(WhyNot(), HasSubstr("lamp L0 is lit"));
+}
+
 TEST_F(SafetyTest, NoWordFromWhoeverEnergisedIsAHang) {
   TurnOn();
   Pass(9);
