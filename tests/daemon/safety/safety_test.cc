@@ -172,7 +172,7 @@ TEST_F(SafetyTest, ALampThatComesBackLitIsSwitchedOff) {
   Pass(120);
   lamps_.Light(rig_.lamps[1].channel);
   lamps_.unreadable = false;
-  Pass(1.2);
+  Pass(2);
   ExpectOff();
   EXPECT_THAT(WhyNot(), HasSubstr("lamp L1 is lit"));
   Pass(10);  // it glows for a while
