@@ -169,8 +169,9 @@ TEST_F(SafetyTest, ALampThatComesBackLitIsSwitchedOff) {
   TurnOn();
   ASSERT_EQ(safety_->StopNow("enough"), OkStatus());
   lamps_.unreadable = true;
-  Pass(120);
+  Pass(119);
   lamps_.Light(rig_.lamps[1].channel);
+  Pass(1);
   lamps_.unreadable = false;
   Pass(2);
   ExpectOff();
