@@ -57,7 +57,7 @@ PairWeights PairInterpolator::Lookup(Vec3 v, Vec3 l) const {
     }
   }
   if (pairs.count != 0) {
-    for (float& weight : pairs.weight) weight = static_cast<float>(weight / sum);
+    for (float& weight : pairs.weight) weight = static_cast<float>(weight * (1 / sum));
   } else if (!Nearest(v, l, pairs)) {
     return pairs;
   }

@@ -73,24 +73,6 @@ std::array<Vec3, 3> DualBasis(Vec3 a, Vec3 b, Vec3 c) {
           (1 / determinant) * Cross(a, b)};
 }
 
-// The point of the arc from a to b that is nearest to d, as weights of a and b that sum to one, and
-// its cosine to d.
-struct ArcPoint {
-  double weight_a = 1, weight_b = 0, cosine = -2;
-};
-ArcPoint NearestOnArc(Vec3 a, Vec3 b, Vec3 d) {
-  const Vec3 n = Cross(a, b);
-  const double nn = Dot(n, n);
-  // d = alpha a + beta b + gamma n: dropping gamma n projects onto the arc's plane.
-  const double alpha = Dot(Cross(d, b), n) / nn, beta = Dot(Cross(a, d), n) / nn;
-  if (alpha >= 0 && beta >= 0 && alpha + beta > 0) {
-    const Vec3 q = Normalized(alpha * a + beta * b);
-    return {alpha / (alpha + beta), beta / (alpha + beta), Dot(q, d)};
-  }
-  const double to_a = Dot(a, d), to_b = Dot(b, d);
-  return to_a >= to_b ? ArcPoint{1, 0, to_a} : ArcPoint{0, 1, to_b};
-}
-
 DirectionWeights Normal(const std::array<int, 3>& index, std::array<double, 3> w) {
   for (double& x : w) x = std::max(x, 0.0);
   const double sum = w[0] + w[1] + w[2];
@@ -132,6 +114,11 @@ StatusOr<DirectionInterpolator> DirectionInterpolator::Build(const std::vector<V
   } else if (unique.size() > 1) {
     result.hull_ = Chain(result.directions_, unique);
   }
+  for (const auto& [a, b] : result.hull_) {
+    result.arcs_.emplace_back(result.directions_[static_cast<size_t>(a)],
+                              result.directions_[static_cast<size_t>(b)]);
+  }
+  result.grid_ = DirectionGrid::Build(result.inverse_, result.arcs_);
   return result;
 }
 
@@ -139,7 +126,8 @@ DirectionWeights DirectionInterpolator::Lookup(Vec3 d) const {
   const double length = Norm(d);
   if (!(length > 0) || !std::isfinite(length)) return Only(zenith_);
   d = (1 / length) * d;
-  for (size_t t = 0; t < triangles_.size(); ++t) {
+  for (const int32_t i : grid_.Triangles(d)) {
+    const auto t = static_cast<size_t>(i);
     const std::array<double, 3> w = {Dot(inverse_[t][0], d), Dot(inverse_[t][1], d),
                                      Dot(inverse_[t][2], d)};
     if (w[0] >= kInside && w[1] >= kInside && w[2] >= kInside) return Normal(triangles_[t], w);
@@ -147,9 +135,9 @@ DirectionWeights DirectionInterpolator::Lookup(Vec3 d) const {
   // On the sphere the nearest point of a closed convex region lies on its rim.
   ArcPoint best;
   std::array<int, 3> index{};
-  for (const auto& [a, b] : hull_) {
-    const ArcPoint point = NearestOnArc(directions_[static_cast<size_t>(a)],
-                                        directions_[static_cast<size_t>(b)], d);
+  for (const int32_t i : grid_.Arcs(d)) {
+    const auto& [a, b] = hull_[static_cast<size_t>(i)];
+    const ArcPoint point = arcs_[static_cast<size_t>(i)].Nearest(d);
     if (point.cosine > best.cosine) best = point, index = {a, b, 0};
   }
   if (best.cosine > -2) return Normal(index, {best.weight_a, best.weight_b, 0});

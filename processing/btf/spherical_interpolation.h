@@ -5,6 +5,7 @@
 #include <array>
 #include <vector>
 
+#include "processing/btf/direction_grid.h"
 #include "protocol/base/geometry.h"
 #include "protocol/base/status.h"
 
@@ -17,7 +18,8 @@ struct DirectionWeights {
   std::array<float, 3> weight{};
 };
 
-// Immutable after construction; lookups are reentrant.
+// Immutable after construction; lookups are reentrant, and take a time that does not grow with the
+// number of directions.
 class DirectionInterpolator {
  public:
   // Delaunay triangulation of the directions on the sphere. Works for one direction, for two, for
@@ -42,6 +44,8 @@ class DirectionInterpolator {
   std::vector<std::array<int, 3>> triangles_;  // counter-clockwise seen from outside
   std::vector<std::array<Vec3, 3>> inverse_;   // dual basis of each triangle: weight_k ~ inverse_k . d
   std::vector<std::array<int, 2>> hull_;       // boundary edges; empty for one direction
+  std::vector<Arc> arcs_;                      // the same
+  DirectionGrid grid_;
   int zenith_ = 0;                             // the direction nearest to +z
 };
 

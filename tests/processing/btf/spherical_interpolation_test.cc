@@ -128,6 +128,42 @@ TEST(DirectionInterpolator, IsContinuous) {
   }
 }
 
+// What the grid leaves out changes nothing: beside a search through all triangles and the whole rim.
+TEST(DirectionInterpolator, FindsWhatASearchThroughEverythingFinds) {
+  std::mt19937 random(23);
+  for (const auto& set : Sets()) {
+    const DirectionInterpolator interpolator = Built(set);
+    for (int i = 0; i < 3000; ++i) {
+      Vec3 d = RandomDirection(random, -1);
+      if (i % 3 == 0) d = Normalized(set[random() % set.size()] + 1e-8 * d);
+      if (i % 3 == 1) d = Normalized(set[random() % set.size()] + set[random() % set.size()]);
+      if (Norm(d) < 0.5) continue;  // two opposite ones
+      bool inside = false;
+      for (const auto& t : interpolator.triangles()) {
+        const Vec3 a = set[static_cast<size_t>(t[0])], b = set[static_cast<size_t>(t[1])],
+                   c = set[static_cast<size_t>(t[2])];
+        inside = inside || (Dot(Cross(a, b), d) > -1e-12 && Dot(Cross(b, c), d) > -1e-12 &&
+                            Dot(Cross(c, a), d) > -1e-12);
+      }
+      const double found =
+          AngleBetween(Normalized(WeightedSum(interpolator, interpolator.Lookup(d))), d);
+      if (inside) {
+        EXPECT_LT(found, 1e-6);
+      } else if (!interpolator.hull().empty()) {
+        double nearest = kPi;
+        for (const auto& [a, b] : interpolator.hull()) {
+          const ArcPoint p =
+              Arc(set[static_cast<size_t>(a)], set[static_cast<size_t>(b)]).Nearest(d);
+          const Vec3 q = p.weight_a * set[static_cast<size_t>(a)] +
+                         p.weight_b * set[static_cast<size_t>(b)];
+          nearest = std::min(nearest, AngleBetween(Normalized(q), d));
+        }
+        EXPECT_NEAR(found, nearest, 1e-6);
+      }
+    }
+  }
+}
+
 TEST(DirectionInterpolator, TrianglesCoverTheConeOnce) {
   std::mt19937 random(17);
   for (const auto& set : Sets()) {
