@@ -18,6 +18,12 @@
 
 namespace mesorig::codecs {
 
+// A texel and two directions, as for EncodedBtf::Evaluate.
+struct SampleQuery {
+  int x = 0, y = 0;
+  Vec3 v, l;
+};
+
 // A BTF in its compressed form, exactly as its file stores it (factors that are stored as half have
 // been rounded already). Immutable; decoding is reentrant.
 class EncodedBtf {
@@ -32,6 +38,10 @@ class EncodedBtf {
   // One texel at arbitrary directions: interpolated on the sphere between measured pairs that are
   // present; HorizonScale beyond the cone of lights. 0 <= x < W, 0 <= y < H.
   virtual std::array<float, 3> Evaluate(int x, int y, Vec3 v, Vec3 l) const = 0;
+  // Many of them at once, faster: out[i] is what Evaluate says of queries[i], to 1e-6 of the largest
+  // term. No memory is allocated. As long as each other; share a batch out among threads by parts.
+  virtual void EvaluateBatch(std::span<const SampleQuery> queries,
+                             std::span<std::array<float, 3>> out) const;
   // The image of measured view v under a light that was not measured, without limits to the
   // measured cone: what cross-validation asks for. UNIMPLEMENTED for codecs that are no model of
   // the light.

@@ -4,6 +4,13 @@
 
 namespace mesorig::codecs {
 
+void EncodedBtf::EvaluateBatch(std::span<const SampleQuery> queries,
+                               std::span<std::array<float, 3>> out) const {
+  for (size_t i = 0; i < queries.size(); ++i) {
+    out[i] = Evaluate(queries[i].x, queries[i].y, queries[i].v, queries[i].l);
+  }
+}
+
 Status EncodedBtf::PredictImage(int, Vec3, std::span<float>) const {
   return Unimplemented("codec {} cannot predict light directions that were not measured",
                        info().codec);

@@ -8,6 +8,7 @@
 namespace mesorig::codecs::per_texel {
 namespace {
 
+constexpr size_t kMostTaps = size_t{1} << 19;  // pairs: 64 MB of taps
 constexpr float kLeastScale = 0x1p-60f, kMostScale = 0x1p60f;
 
 float LargestOf(const float* values, size_t count) {
@@ -35,6 +36,18 @@ float BalanceStage(const Stage& stage, const Layout::Tables& t, float* texel) {
 }
 
 }  // namespace
+
+ChainBtf::ChainBtf(btf::BtfFileInfo info, ChainFactors factors, btf::PairInterpolator interpolator)
+    : info_(std::move(info)), factors_(std::move(factors)),
+      layout_(LayoutOf(factors_.stages, info_.header)), interpolator_(std::move(interpolator)) {
+  if (info_.present.size() > kMostTaps) return;
+  const size_t lights = info_.header.lights.size();
+  for (size_t pair = 0; pair < info_.present.size(); ++pair) {
+    taps_.push_back(per_texel::TapsOf(factors_.stages, info_.header,
+                                      static_cast<int>(pair / lights),
+                                      static_cast<int>(pair % lights)));
+  }
+}
 
 StatusOr<std::unique_ptr<EncodedBtf>> ChainBtf::Create(btf::BtfFileInfo info, ChainFactors factors) {
   MESORIG_ASSIGN_OR_RETURN(btf::PairInterpolator interpolator,
@@ -69,8 +82,12 @@ std::array<float, 3> ChainBtf::Evaluate(int x, int y, Vec3 v, Vec3 l) const {
                        static_cast<size_t>(x);
   std::array<float, 3> rgb{};
   for (size_t n = 0; n < static_cast<size_t>(pairs.count); ++n) {
+    const size_t pair = static_cast<size_t>(pairs.view[n]) * info_.header.lights.size() +
+                        static_cast<size_t>(pairs.light[n]);
     const auto value =
-        Value(TapsOf(factors_.stages, info_.header, pairs.view[n], pairs.light[n]), texel);
+        taps_.empty()
+            ? Value(TapsOf(factors_.stages, info_.header, pairs.view[n], pairs.light[n]), texel)
+            : Value(taps_[pair], texel);
     const float weight = pairs.scale * pairs.weight[n];
     for (size_t c = 0; c < 3; ++c) rgb[c] += weight * value[c];
   }

@@ -36,15 +36,14 @@ class ChainBtf final : public EncodedBtf {
   const Layout& layout() const { return layout_; }
 
  private:
-  ChainBtf(btf::BtfFileInfo info, ChainFactors factors, btf::PairInterpolator interpolator)
-      : info_(std::move(info)), factors_(std::move(factors)),
-        layout_(LayoutOf(factors_.stages, info_.header)), interpolator_(std::move(interpolator)) {}
+  ChainBtf(btf::BtfFileInfo info, ChainFactors factors, btf::PairInterpolator interpolator);
   std::array<float, 3> Value(const PairTaps& taps, size_t texel) const;
 
   btf::BtfFileInfo info_;
   ChainFactors factors_;
   Layout layout_;
   btf::PairInterpolator interpolator_;
+  std::vector<PairTaps> taps_;  // of every pair; empty where there are too many pairs
 };
 
 // What the Decode of a codec of this family does. `stages`: the codec's axes; the numbers of terms are

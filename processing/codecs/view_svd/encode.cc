@@ -75,50 +75,52 @@ StatusOr<std::vector<LightGroup>> Groups(const btf::SampledBtf& btf, const Separ
   return groups;
 }
 
-// G_l = M_l A_l into layers light * terms + term, freed from the weights of its rows.
+// G_l = M_l A_l, [light][texel][term][rgb], freed from the weights of its rows.
 std::vector<float> EigenTextures(const btf::SampledBtf& btf, const SeparateWeights& weights,
                                  const std::vector<LightGroup>& groups, const MatrixXd& e) {
   const size_t terms = static_cast<size_t>(e.cols()), size = btf.image_size();
-  std::vector<float> layers(btf.header().lights.size() * terms * size, 0.0f);
+  std::vector<float> values;
+  values.reserve(btf.header().lights.size() * terms * size + 1);  // ViewSvdBtf adds one
+  values.resize(btf.header().lights.size() * terms * size, 0.0f);
+  MatrixXf g;
   for (const LightGroup& group : groups) {
     const MatrixXf a = OnPresent(e, group.views).cast<float>();
     for (const int l : group.lights) {
-      float* const first_layer = layers.data() + static_cast<size_t>(l) * terms * size;
+      float* const of_light = values.data() + static_cast<size_t>(l) * terms * size;
       ForBlocks(btf, [&](Eigen::Index first, Eigen::Index rows) {
-        Eigen::Map<MatrixXf, 0, Eigen::OuterStride<>> out(
-            first_layer + first, rows, e.cols(),
-            Eigen::OuterStride<>(static_cast<Eigen::Index>(size)));
-        out.noalias() = Block(btf, weights, group.views, l, first, rows) * a;
-        for (Eigen::Index r = 0; !weights.plain && r < rows; ++r) {
-          out.row(r) /= weights.light[static_cast<size_t>(l)] *
-                        weights.texel[static_cast<size_t>(first + r) / 3];
+        g.noalias() = Block(btf, weights, group.views, l, first, rows) * a;
+        for (Eigen::Index r = 0; r < rows; ++r) {
+          const auto row = static_cast<size_t>(first + r);
+          const float weight =
+              weights.plain ? 1.0f : weights.light[static_cast<size_t>(l)] * weights.texel[row / 3];
+          float* const to = of_light + row / 3 * terms * 3 + row % 3;
+          for (size_t k = 0; k < terms; ++k) {
+            to[3 * k] = g(r, static_cast<Eigen::Index>(k)) / weight;
+          }
         }
       });
     }
   }
-  return layers;
+  return values;
 }
 
 // Every term's eigen-textures are brought to a largest magnitude in (1/2, 1] by a power of two,
 // which goes into E: half can neither overflow nor lose digits to the scaling.
-void Balance(std::vector<float>& layers, size_t size, MatrixXd& e) {
+void Balance(std::vector<float>& values, MatrixXd& e) {
   const auto terms = static_cast<size_t>(e.cols());
-  std::vector<float> largest(terms, 0.0f);
-  const auto for_layers = [&](const auto& function) {
-    for (size_t layer = 0; layer * size < layers.size(); ++layer) {
-      for (size_t i = layer * size; i < (layer + 1) * size; ++i) function(layer % terms, layers[i]);
+  std::vector<float> largest(terms, 0.0f), factor(terms, 1.0f);
+  const auto for_values = [&](const auto& function) {
+    for (size_t i = 0; i < values.size(); i += 3 * terms) {
+      for (size_t k = 0; k < 3 * terms; ++k) function(k / 3, values[i + k]);
     }
   };
-  for_layers([&](size_t k, float& x) { largest[k] = std::max(largest[k], std::abs(x)); });
-  std::vector<float> factor(terms, 1.0f);
+  for_values([&](size_t k, float& x) { largest[k] = std::max(largest[k], std::abs(x)); });
   for (size_t k = 0; k < terms; ++k) {
-    int exponent = 0;
-    if (largest[k] > 0) std::frexp(largest[k], &exponent);
-    exponent = std::clamp(exponent, -100, 100);
-    factor[k] = std::ldexp(1.0f, -exponent);
-    e.col(static_cast<Eigen::Index>(k)) *= std::ldexp(1.0, exponent);
+    const float scale = ScaleFor(largest[k]);
+    factor[k] = 1 / scale;
+    e.col(static_cast<Eigen::Index>(k)) *= static_cast<double>(scale);
   }
-  for_layers([&](size_t k, float& x) { x *= factor[k]; });
+  for_values([&](size_t k, float& x) { x *= factor[k]; });
 }
 
 class ViewSvdEncoder final : public Encoder {
@@ -140,12 +142,12 @@ class ViewSvdEncoder final : public Encoder {
     const SeparateWeights separate = SeparateWeightsFor(btf, options);
     MESORIG_ASSIGN_OR_RETURN(const std::vector<LightGroup> groups, Groups(btf, separate));
     MatrixXd e = Factorise(groups, views, terms);
-    std::vector<float> layers = EigenTextures(btf, separate, groups, e);
+    std::vector<float> textures = EigenTextures(btf, separate, groups, e);
     for (Eigen::Index v = 0; v < e.rows(); ++v) e.row(v) /= separate.view[static_cast<size_t>(v)];
-    Balance(layers, btf.image_size(), e);
+    Balance(textures, e);
     const Quantisation quantisation =
         options.quantisation.value_or(all ? Quantisation::kFloat : Quantisation::kHalf);
-    RoundTo(quantisation, layers);
+    RoundTo(quantisation, textures);
     std::vector<float> weights;
     for (Eigen::Index v = 0; v < e.rows(); ++v) {
       for (Eigen::Index k = 0; k < e.cols(); ++k) weights.push_back(static_cast<float>(e(v, k)));
@@ -159,7 +161,7 @@ class ViewSvdEncoder final : public Encoder {
                                  .dump();
     MESORIG_ASSIGN_OR_RETURN(auto encoded,
                              ViewSvdBtf::Create(std::move(info), terms, quantisation, std::move(weights),
-                                                std::move(layers)));
+                                                std::move(textures)));
     return std::unique_ptr<EncodedBtf>(std::move(encoded));
   }
 };

@@ -1,6 +1,7 @@
 #include "processing/codecs/view_svd/view_svd.h"
 
 #include <algorithm>
+#include <cstring>
 
 namespace mesorig::codecs::view_svd {
 namespace {
@@ -16,7 +17,45 @@ std::vector<std::string> LightChannels(int lights) {
   return channels;
 }
 
+// Four floats as the processor takes them.
+using Four = float __attribute__((vector_size(16)));
+Four Load(const float* from) {
+  Four x;
+  std::memcpy(&x, from, sizeof x);
+  return x;
+}
+Four Broadcast(float x) { return Four{x, x, x, x}; }
+
+// sum over terms of weights[k] * texel[k][rgb]; the last of the four is of no meaning.
+Four WeightedTerms(const float* weights, const float* texel, size_t terms) {
+  Four sum{};
+  for (size_t k = 0; k < terms; ++k) sum += Broadcast(weights[k]) * Load(texel + 3 * k);
+  return sum;
+}
+
+template <size_t kTerms>  // 0: any number
+void DecodeTexels(const float* weights, const float* texels, size_t terms, std::span<float> rgb) {
+  const size_t n = kTerms == 0 ? terms : kTerms, last = rgb.size() - 3;
+  for (size_t i = 0; i < last; i += 3) {
+    const Four value = WeightedTerms(weights, texels + i * n, n);
+    std::memcpy(rgb.data() + i, &value, sizeof value);  // the fourth is overwritten next
+  }
+  const Four value = WeightedTerms(weights, texels + last * n, n);
+  std::memcpy(rgb.data() + last, &value, 3 * sizeof(float));
+}
+
+constexpr size_t kAtOnce = 32;  // samples whose factors are on their way from memory
+
 }  // namespace
+
+ViewSvdBtf::ViewSvdBtf(btf::BtfFileInfo info, int terms, Quantisation quantisation,
+                       std::vector<float> weights, std::vector<float> eigen_textures,
+                       btf::PairInterpolator interpolator)
+    : info_(std::move(info)), terms_(terms), quantisation_(quantisation),
+      weights_(std::move(weights)), eigen_textures_(std::move(eigen_textures)),
+      interpolator_(std::move(interpolator)) {
+  eigen_textures_.push_back(0);
+}
 
 StatusOr<std::unique_ptr<ViewSvdBtf>> ViewSvdBtf::Create(btf::BtfFileInfo info, int terms,
                                                          Quantisation quantisation,
@@ -30,40 +69,89 @@ StatusOr<std::unique_ptr<ViewSvdBtf>> ViewSvdBtf::Create(btf::BtfFileInfo info, 
 }
 
 void ViewSvdBtf::DecodeImage(int view, int light, std::span<float> rgb) const {
-  std::fill(rgb.begin(), rgb.end(), 0.0f);
-  for (int k = 0; k < terms_; ++k) {
-    const float weight = weights_[static_cast<size_t>(view * terms_ + k)];
-    const auto texture = EigenTexture(light, k);
-    for (size_t i = 0; i < rgb.size(); ++i) rgb[i] += weight * texture[i];
+  const auto terms = static_cast<size_t>(terms_);
+  const float* const weights = weights_.data() + static_cast<size_t>(view) * terms;
+  const float* const texels = EigenTexel(light, 0);
+  if (terms_ == kDefaultTerms) return DecodeTexels<kDefaultTerms>(weights, texels, terms, rgb);
+  DecodeTexels<0>(weights, texels, terms, rgb);
+}
+
+struct ViewSvdBtf::Taps {
+  struct Light {
+    const float* texel = nullptr;
+    std::array<const float*, 3> view{};  // rows of E
+    std::array<float, 3> weight{};       // not used: 0
+    size_t views = 0;
+  };
+  std::array<Light, 3> lights;
+  size_t count = 0;
+};
+
+ViewSvdBtf::Taps ViewSvdBtf::TapsOf(const SampleQuery& query) const {
+  const btf::PairWeights pairs = interpolator_.Lookup(query.v, query.l);
+  const size_t texel = static_cast<size_t>(query.y) * static_cast<size_t>(info_.header.width) +
+                       static_cast<size_t>(query.x);
+  Taps taps;
+  for (size_t n = 0; n < static_cast<size_t>(pairs.count); ++n) {
+    const float* const at = EigenTexel(pairs.light[n], texel);
+    size_t i = 0;
+    while (i < taps.count && taps.lights[i].texel != at) ++i;
+    Taps::Light& light = taps.lights[i];
+    if (i == taps.count) {
+      ++taps.count;
+      light.texel = at;
+      light.view.fill(weights_.data());
+    }
+    light.view[light.views] = weights_.data() + pairs.view[n] * terms_;
+    light.weight[light.views++] = pairs.scale * pairs.weight[n];
   }
+  return taps;
+}
+
+std::array<float, 3> ViewSvdBtf::Sum(const Taps& taps) const {
+  Four sum{};
+  for (size_t i = 0; i < taps.count; ++i) {
+    const auto& [texel, view, weight, views] = taps.lights[i];
+    for (size_t k = 0; k < static_cast<size_t>(terms_); ++k) {
+      const float w = weight[0] * view[0][k] + weight[1] * view[1][k] + weight[2] * view[2][k];
+      sum += Broadcast(w) * Load(texel + 3 * k);
+    }
+  }
+  return {sum[0], sum[1], sum[2]};
 }
 
 std::array<float, 3> ViewSvdBtf::Evaluate(int x, int y, Vec3 v, Vec3 l) const {
-  const btf::PairWeights pairs = interpolator_.Lookup(v, l);
-  const size_t at = 3 * (static_cast<size_t>(y) * static_cast<size_t>(info_.header.width) +
-                         static_cast<size_t>(x));
-  std::array<float, 3> rgb{};
-  for (size_t n = 0; n < static_cast<size_t>(pairs.count); ++n) {
-    for (int k = 0; k < terms_; ++k) {
-      const float weight = pairs.scale * pairs.weight[n] *
-                           weights_[static_cast<size_t>(pairs.view[n] * terms_ + k)];
-      const auto texture = EigenTexture(pairs.light[n], k);
-      for (size_t c = 0; c < 3; ++c) rgb[c] += weight * texture[at + c];
+  return Sum(TapsOf({x, y, v, l}));
+}
+
+void ViewSvdBtf::EvaluateBatch(std::span<const SampleQuery> queries,
+                               std::span<std::array<float, 3>> out) const {
+  std::array<Taps, kAtOnce> taps;
+  for (size_t first = 0; first < queries.size(); first += kAtOnce) {
+    const size_t count = std::min(kAtOnce, queries.size() - first);
+    for (size_t i = 0; i < count; ++i) {
+      taps[i] = TapsOf(queries[first + i]);
+      for (size_t l = 0; l < taps[i].count; ++l) {
+        const float* const texel = taps[i].lights[l].texel;
+        __builtin_prefetch(texel);
+        __builtin_prefetch(texel + 3 * terms_ - 1);
+      }
     }
+    for (size_t i = 0; i < count; ++i) out[first + i] = Sum(taps[i]);
   }
-  return rgb;
 }
 
 std::vector<btf::Plane> ViewSvdBtf::Planes() const {
   const btf::BtfHeader& h = info_.header;
+  const size_t texels = h.texel_count();
   std::vector<btf::Plane> planes;
   planes.push_back({"E", terms_, h.view_count(), {"E"}, false, weights_});
   for (int k = 0; k < terms_; ++k) {
     std::vector<float> values;
+    values.reserve(3 * texels * h.lights.size());
     for (int l = 0; l < h.light_count(); ++l) {
-      const auto texture = EigenTexture(l, k);
-      for (size_t c = 3; c-- > 0;) {
-        for (size_t i = c; i < texture.size(); i += 3) values.push_back(texture[i]);
+      for (int c = 3; c-- > 0;) {
+        for (size_t i = 0; i < texels; ++i) values.push_back(EigenTexel(l, i)[3 * k + c]);
       }
     }
     planes.push_back(QuantisedPlane(TermPart(k), h.width, h.height, LightChannels(h.light_count()),
@@ -78,7 +166,17 @@ std::optional<ShaderForm> ViewSvdBtf::ToShader() const {
       ;
   ShaderForm form;
   form.layers = terms_ * info_.header.light_count();
-  form.rgb = eigen_textures_;
+  const auto terms = static_cast<size_t>(terms_);
+  const size_t texels = info_.header.texel_count();
+  form.rgb.resize(eigen_textures_.size() - 1);
+  for (size_t l = 0; l < info_.header.lights.size(); ++l) {
+    for (size_t i = 0; i < texels; ++i) {
+      const float* const from = EigenTexel(static_cast<int>(l), i);
+      for (size_t k = 0; k < terms; ++k) {
+        std::copy_n(from + 3 * k, 3, form.rgb.data() + ((l * terms + k) * texels + i) * 3);
+      }
+    }
+  }
   form.table = weights_;
   form.columns = terms_;
   form.glsl = kDecode;
@@ -109,15 +207,16 @@ class ViewSvdDecoder final : public Decoder {
     for (int k = 0; k < terms; ++k) {
       MESORIG_ASSIGN_OR_RETURN(btf::Plane plane,
                                TakePlane(file, TermPart(k), h.width, h.height, channels));
+      eigen_textures.reserve(layers * texels * 3 + 1);
       eigen_textures.resize(layers * texels * 3);  // only now: the first plane proves the size
       MESORIG_ASSIGN_OR_RETURN(const std::vector<float> values,
                                Dequantised(std::move(plane), quantisation));
       for (size_t l = 0; l < h.lights.size(); ++l) {
-        float* const layer = eigen_textures.data() +
-                             (l * static_cast<size_t>(terms) + static_cast<size_t>(k)) * texels * 3;
+        const auto step = 3 * static_cast<size_t>(terms);
+        float* const to = eigen_textures.data() + l * texels * step + 3 * static_cast<size_t>(k);
         for (size_t c = 0; c < 3; ++c) {
           const float* const from = values.data() + (3 * l + 2 - c) * texels;
-          for (size_t i = 0; i < texels; ++i) layer[3 * i + c] = from[i];
+          for (size_t i = 0; i < texels; ++i) to[i * step + c] = from[i];
         }
       }
     }

@@ -20,8 +20,8 @@ inline constexpr char kName[] = "view-svd";
 
 class ViewSvdBtf final : public EncodedBtf {
  public:
-  // eigen_textures: layer light * terms + term, W*H*3 values each, in [-1, 1] where they are stored
-  // as bytes; weights: view * terms + term.
+  // eigen_textures: [light][texel][term][rgb] (a sample reads one stretch of memory a light), in
+  // [-1, 1] where they are stored as bytes; weights: view * terms + term.
   // Sizes must match; InvalidArgument for a header that is wrong.
   static StatusOr<std::unique_ptr<ViewSvdBtf>> Create(btf::BtfFileInfo info, int terms,
                                                       Quantisation quantisation,
@@ -31,34 +31,37 @@ class ViewSvdBtf final : public EncodedBtf {
   const btf::BtfFileInfo& info() const override { return info_; }
   void DecodeImage(int view, int light, std::span<float> rgb) const override;
   std::array<float, 3> Evaluate(int x, int y, Vec3 v, Vec3 l) const override;
+  void EvaluateBatch(std::span<const SampleQuery> queries,
+                     std::span<std::array<float, 3>> out) const override;
   std::vector<btf::Plane> Planes() const override;
-  // Layers: eigen-textures; table: weights, then the presence where a pair is absent; columns: terms.
+  // Layers: eigen-textures, light * terms + term; table: weights, then the presence where a pair is
+  // absent; columns: terms.
   std::optional<ShaderForm> ToShader() const override;
 
   int terms() const { return terms_; }
   // E[view * terms + term]
   std::span<const float> weights() const { return weights_; }
-  // Layers of W*H*3 values, layer = light * terms + term: the order of the GLSL decoder's array
-  // texture.
-  std::span<const float> EigenTexture(int light, int term) const {
-    const size_t size = 3 * info_.header.texel_count();
-    return {eigen_textures_.data() +
-                (static_cast<size_t>(light) * static_cast<size_t>(terms_) +
-                 static_cast<size_t>(term)) * size,
-            size};
+  // [term][rgb] of a texel.
+  const float* EigenTexel(int light, size_t texel) const {
+    return eigen_textures_.data() +
+           (static_cast<size_t>(light) * info_.header.texel_count() + texel) * 3 *
+               static_cast<size_t>(terms_);
   }
   const btf::PairInterpolator& interpolator() const { return interpolator_; }
 
  private:
   ViewSvdBtf(btf::BtfFileInfo info, int terms, Quantisation quantisation, std::vector<float> weights,
-             std::vector<float> eigen_textures, btf::PairInterpolator interpolator)
-      : info_(std::move(info)), terms_(terms), quantisation_(quantisation), weights_(std::move(weights)),
-        eigen_textures_(std::move(eigen_textures)), interpolator_(std::move(interpolator)) {}
+             std::vector<float> eigen_textures, btf::PairInterpolator interpolator);
+  // What a sample reads: up to three lights, and for each up to three views.
+  struct Taps;
+  Taps TapsOf(const SampleQuery& query) const;
+  std::array<float, 3> Sum(const Taps& taps) const;
 
   btf::BtfFileInfo info_;
   int terms_;
   Quantisation quantisation_;  // of the eigen-textures
-  std::vector<float> weights_, eigen_textures_;
+  std::vector<float> weights_;
+  std::vector<float> eigen_textures_;  // and one value more: texels are read by fours of values
   btf::PairInterpolator interpolator_;
 };
 

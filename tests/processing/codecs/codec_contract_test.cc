@@ -9,6 +9,7 @@
 #include <random>
 
 #include "processing/btf/errors.h"
+#include "processing/btf/pair_weights.h"
 #include "processing/codecs/encoder.h"
 #include "protocol/base/file_writer.h"
 #include "tests/processing/btf/synthetic.h"
@@ -98,6 +99,60 @@ TEST_P(EveryCodec, EvaluatesAnyDirectionToSomethingFinite) {
       EXPECT_TRUE(std::isfinite(value));
       if (l.z <= 0) {
         EXPECT_EQ(value, 0);
+      }
+    }
+  }
+}
+
+TEST_P(EveryCodec, EvaluatesABatchAsOneByOne) {
+  const auto encoded = encoder().Encode(SyntheticBtf(Header(), 0.3), {});
+  ASSERT_TRUE(encoded.ok()) << encoded.status();
+  std::mt19937 random(8);
+  std::normal_distribution<double> normal;
+  std::vector<SampleQuery> queries;
+  for (int i = 0; i < 333; ++i) {
+    queries.push_back({static_cast<int>(random() % 7), static_cast<int>(random() % 5),
+                       {normal(random), normal(random), std::abs(normal(random))},
+                       {normal(random), normal(random), normal(random)}});
+  }
+  std::vector<std::array<float, 3>> values(queries.size(), {-1, -1, -1});
+  (*encoded)->EvaluateBatch(queries, values);
+  for (size_t i = 0; i < queries.size(); ++i) {
+    const auto& [x, y, v, l] = queries[i];
+    const auto one = (*encoded)->Evaluate(x, y, v, l);
+    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(values[i][c], one[c], 1e-6);
+  }
+}
+
+// Interpolation by the book, from whole images: nothing of what makes Evaluate fast. Models of the
+// light answer between the lights themselves.
+TEST_P(EveryCodec, EvaluatesWhatItsImagesSay) {
+  const btf::SampledBtf btf = SyntheticBtf(Header(), 0.3);
+  const auto encoded = encoder().Encode(btf, {});
+  ASSERT_TRUE(encoded.ok()) << encoded.status();
+  const btf::SampledBtf images = DecodeAll(**encoded);
+  std::vector<float> image(btf.image_size());
+  const bool models_light = (*encoded)->PredictImage(0, {0, 0, 1}, image).ok();
+  const auto pairs = btf::PairInterpolator::Build((*encoded)->info().header,
+                                                  (*encoded)->info().present);
+  ASSERT_TRUE(pairs.ok());
+  std::mt19937 random(9);
+  std::normal_distribution<double> normal;
+  for (int i = 0; i < 300; ++i) {
+    const Vec3 v = Normalized({normal(random), normal(random), 1.0});
+    const Vec3 l = Normalized({normal(random), normal(random), 1.0});
+    const size_t texel = random() % images.header().texel_count();
+    const btf::PairWeights weights = pairs->Lookup(v, l);
+    const auto value = (*encoded)->Evaluate(static_cast<int>(texel % 7),
+                                            static_cast<int>(texel / 7), v, l);
+    for (size_t c = 0; c < 3; ++c) {
+      double sum = 0;
+      for (size_t n = 0; n < static_cast<size_t>(weights.count); ++n) {
+        sum += weights.weight[n] * images.Image(weights.view[n], weights.light[n])[3 * texel + c];
+      }
+      EXPECT_TRUE(std::isfinite(value[c]));
+      if (!models_light) {
+        EXPECT_NEAR(value[c], weights.scale * sum, 1e-6);
       }
     }
   }
