@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kMargin = 1e-7;        // rad: beyond every rounding of the tests that follow
 constexpr double kWide = 80 * kPi / 180;  // caps beyond this radius hold whatever there is
-constexpr size_t kCellsPerTriangle = 8, kLeastSide = 8, kMostSide = 512;
+constexpr size_t kCellsPerTriangle = 32, kLeastSide = 8, kMostSide = 512;
 
 // The octahedron's point (x, y, 1 - |x| - |y|), its lower half folded outwards; x and y in [-1, 1].
 Vec3 FromSquare(double x, double y) {
@@ -101,8 +101,8 @@ struct DirectionGrid::Builder {
       return;
     }
     Cell& cell = grid.cells_[y * grid.side_ + x];
-    cell = {static_cast<uint32_t>(grid.lists_.size()), static_cast<uint32_t>(triangles.size()),
-            static_cast<uint32_t>(near.size())};
+    cell = {static_cast<uint32_t>(grid.lists_.size()), static_cast<uint16_t>(triangles.size()),
+            static_cast<uint16_t>(near.size())};
     grid.lists_.insert(grid.lists_.end(), triangles.begin(), triangles.end());
     grid.lists_.insert(grid.lists_.end(), near.begin(), near.end());
   }
@@ -120,21 +120,6 @@ DirectionGrid DirectionGrid::Build(const std::vector<std::array<Vec3, 3>>& inver
   for (size_t i = 0; i < arcs.size(); ++i) all_arcs[i] = static_cast<int32_t>(i);
   Builder{inverse, arcs, grid}.Descend(0, 0, grid.side_, all_triangles, all_arcs);
   return grid;
-}
-
-size_t DirectionGrid::CellOf(Vec3 d) const {
-  const double scale = 1 / (std::abs(d.x) + std::abs(d.y) + std::abs(d.z));
-  double x = d.x * scale, y = d.y * scale;
-  if (d.z < 0) {
-    const double folded = std::copysign(1 - std::abs(y), x);
-    y = std::copysign(1 - std::abs(x), y);
-    x = folded;
-  }
-  const auto side = static_cast<double>(side_);
-  const auto place = [&](double t) {
-    return static_cast<size_t>(std::clamp((t + 1) / 2 * side, 0.0, side - 1));
-  };
-  return place(y) * side_ + place(x);
 }
 
 }  // namespace mesorig::btf

@@ -3,7 +3,9 @@
 // question for a direction. An octahedral map of the sphere in square cells (Cigolle et al. 2014);
 // a look-up costs one division, whatever the number of directions.
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -46,10 +48,24 @@ class DirectionGrid {
 
  private:
   struct Cell {
-    uint32_t first = 0, triangles = 0, arcs = 0;
+    uint32_t first = 0;  // of its triangles in lists_, its arcs behind them
+    uint16_t triangles = 0, arcs = 0;
   };
   struct Builder;
-  size_t CellOf(Vec3 d) const;
+  size_t CellOf(Vec3 d) const {
+    const double scale = 1 / (std::abs(d.x) + std::abs(d.y) + std::abs(d.z));
+    double x = d.x * scale, y = d.y * scale;
+    if (d.z < 0) {
+      const double folded = std::copysign(1 - std::abs(y), x);
+      y = std::copysign(1 - std::abs(x), y);
+      x = folded;
+    }
+    return Place(y) * side_ + Place(x);
+  }
+  size_t Place(double t) const {
+    const auto side = static_cast<double>(side_);
+    return static_cast<size_t>(std::clamp((t + 1) / 2 * side, 0.0, side - 1));
+  }
 
   size_t side_ = 0;  // cells; a power of two
   std::vector<Cell> cells_;

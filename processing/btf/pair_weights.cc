@@ -38,6 +38,24 @@ bool PairInterpolator::Nearest(Vec3 v, Vec3 l, PairWeights& pairs) const {
   return pairs.count != 0;
 }
 
+bool PairInterpolator::LookupSeparate(Vec3 v, Vec3 l, SeparateWeights& weights) const {
+  bool inside = false;
+  weights.view = views_.Lookup(v);
+  weights.light = lights_.Lookup(l, inside);
+  weights.scale = l.z > 0 ? 1.0f : 0.0f;
+  // Inside the weighted direction is l itself.
+  if (cosine_included_ && !inside) {
+    weights.scale = static_cast<float>(HorizonScale(lights_, weights.light, l));
+  }
+  if (complete_) return true;
+  for (size_t i = 0; i < 9; ++i) {
+    const size_t at = static_cast<size_t>(weights.view.index[i / 3]) * lights_.directions().size() +
+                      static_cast<size_t>(weights.light.index[i % 3]);
+    if (weights.view.weight[i / 3] * weights.light.weight[i % 3] > 0 && present_[at] == 0) return false;
+  }
+  return true;
+}
+
 PairWeights PairInterpolator::Lookup(Vec3 v, Vec3 l) const {
   const DirectionWeights of_view = views_.Lookup(v), of_light = lights_.Lookup(l);
   const size_t lights = lights_.directions().size();

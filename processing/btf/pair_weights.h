@@ -2,6 +2,7 @@
 // Which measured (view, light) pairs stand for a pair of arbitrary directions, and with what
 // weights: at most three views times three lights, absent pairs never among them.
 
+#include <algorithm>
 #include <array>
 #include <span>
 
@@ -19,6 +20,12 @@ struct PairWeights {
   float scale = 0;
 };
 
+// Three views times three lights, where none of those pairs is absent.
+struct SeparateWeights {
+  DirectionWeights view, light;
+  float scale = 0;  // as in PairWeights
+};
+
 // Immutable; lookups are reentrant. Copies what it needs.
 class PairInterpolator {
  public:
@@ -26,6 +33,8 @@ class PairInterpolator {
   static StatusOr<PairInterpolator> Build(const BtfHeader& header, std::vector<uint8_t> present);
   // Where every pair around (v, l) is absent, the present pair nearest to it has weight 1.
   PairWeights Lookup(Vec3 v, Vec3 l) const;
+  // The same as a product, faster; false where a pair around (v, l) is absent.
+  bool LookupSeparate(Vec3 v, Vec3 l, SeparateWeights& weights) const;
   const DirectionInterpolator& views() const { return views_; }
   const DirectionInterpolator& lights() const { return lights_; }
 
@@ -33,12 +42,14 @@ class PairInterpolator {
   PairInterpolator(DirectionInterpolator views, DirectionInterpolator lights, bool cosine,
                    std::vector<uint8_t> present)
       : views_(std::move(views)), lights_(std::move(lights)), cosine_included_(cosine),
-        present_(std::move(present)) {}
+        present_(std::move(present)),
+        complete_(std::find(present_.begin(), present_.end(), 0) == present_.end()) {}
   bool Nearest(Vec3 v, Vec3 l, PairWeights& pairs) const;
 
   DirectionInterpolator views_, lights_;
   bool cosine_included_;
   std::vector<uint8_t> present_;
+  bool complete_;
 };
 
 }  // namespace mesorig::btf

@@ -9,6 +9,7 @@ namespace mesorig::btf {
 namespace {
 
 constexpr double kSame = 5e-5;     // rad: directions that coincide
+constexpr double kShortest = 1e-150, kLongest = 1e150;  // beyond, squares are no numbers
 constexpr double kInside = -1e-9;  // weight of a point that lies on an edge up to rounding
 
 bool IsFinite(Vec3 d) { return std::isfinite(d.x) && std::isfinite(d.y) && std::isfinite(d.z); }
@@ -75,10 +76,10 @@ std::array<Vec3, 3> DualBasis(Vec3 a, Vec3 b, Vec3 c) {
 
 DirectionWeights Normal(const std::array<int, 3>& index, std::array<double, 3> w) {
   for (double& x : w) x = std::max(x, 0.0);
-  const double sum = w[0] + w[1] + w[2];
+  const double scale = 1 / (w[0] + w[1] + w[2]);
   DirectionWeights result;
   for (size_t k = 0; k < 3; ++k) {
-    result.weight[k] = static_cast<float>(w[k] / sum);
+    result.weight[k] = static_cast<float>(w[k] * scale);
     result.index[k] = result.weight[k] > 0 ? index[k] : 0;
   }
   return result;
@@ -122,17 +123,25 @@ StatusOr<DirectionInterpolator> DirectionInterpolator::Build(const std::vector<V
   return result;
 }
 
-DirectionWeights DirectionInterpolator::Lookup(Vec3 d) const {
-  const double length = Norm(d);
-  if (!(length > 0) || !std::isfinite(length)) return Only(zenith_);
-  d = (1 / length) * d;
+DirectionWeights DirectionInterpolator::Lookup(Vec3 d, bool& inside) const {
+  const double size = std::abs(d.x) + std::abs(d.y) + std::abs(d.z);  // 1 to sqrt(3) times the norm
+  inside = false;
+  if (!(size > kShortest && size < kLongest)) return Only(zenith_);
+  d = (1 / size) * d;
   for (const int32_t i : grid_.Triangles(d)) {
     const auto t = static_cast<size_t>(i);
     const std::array<double, 3> w = {Dot(inverse_[t][0], d), Dot(inverse_[t][1], d),
                                      Dot(inverse_[t][2], d)};
-    if (w[0] >= kInside && w[1] >= kInside && w[2] >= kInside) return Normal(triangles_[t], w);
+    if (std::min({w[0], w[1], w[2]}) >= kInside) {
+      inside = true;
+      return Normal(triangles_[t], w);
+    }
   }
-  // On the sphere the nearest point of a closed convex region lies on its rim.
+  return OnRim(Normalized(d));
+}
+
+// On the sphere the nearest point of a closed convex region lies on its rim.
+DirectionWeights DirectionInterpolator::OnRim(Vec3 d) const {
   ArcPoint best;
   std::array<int, 3> index{};
   for (const int32_t i : grid_.Arcs(d)) {

@@ -31,7 +31,12 @@ class DirectionInterpolator {
   // the measured directions. The weighted sum of the chosen directions points towards d (or towards
   // the nearest point of the hull). d need not be normalised; a zero or NaN direction gives
   // the direction nearest to +z with weight 1.
-  DirectionWeights Lookup(Vec3 d) const;
+  DirectionWeights Lookup(Vec3 d) const {
+    bool inside = false;
+    return Lookup(d, inside);
+  }
+  // The same; says whether a triangle holds d.
+  DirectionWeights Lookup(Vec3 d, bool& inside) const;
   bool Inside(Vec3 d) const;  // d lies within the measured cone
   const std::vector<std::array<int, 3>>& triangles() const { return triangles_; }
   const std::vector<Vec3>& directions() const { return directions_; }
@@ -40,6 +45,7 @@ class DirectionInterpolator {
 
  private:
   DirectionInterpolator() = default;
+  DirectionWeights OnRim(Vec3 d) const;
   std::vector<Vec3> directions_;               // normalised
   std::vector<std::array<int, 3>> triangles_;  // counter-clockwise seen from outside
   std::vector<std::array<Vec3, 3>> inverse_;   // dual basis of each triangle: weight_k ~ inverse_k . d

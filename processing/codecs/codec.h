@@ -24,6 +24,11 @@ struct SampleQuery {
   Vec3 v, l;
 };
 
+// A texel of the image of a measured view under a measured light.
+struct NodeQuery {
+  int x = 0, y = 0, view = 0, light = 0;
+};
+
 // A BTF in its compressed form, exactly as its file stores it (factors that are stored as half have
 // been rounded already). Immutable; decoding is reentrant.
 class EncodedBtf {
@@ -38,6 +43,10 @@ class EncodedBtf {
   // One texel at arbitrary directions: interpolated on the sphere between measured pairs that are
   // present; HorizonScale beyond the cone of lights. 0 <= x < W, 0 <= y < H.
   virtual std::array<float, 3> Evaluate(int x, int y, Vec3 v, Vec3 l) const = 0;
+  // Single texels of images of present pairs, in any order: out[i] is what DecodeImage has there, to
+  // rounding.
+  virtual void DecodeSamples(std::span<const NodeQuery> queries,
+                             std::span<std::array<float, 3>> out) const;
   // Many of them at once, faster: out[i] is what Evaluate says of queries[i], to 1e-6 of the largest
   // term. No memory is allocated. As long as each other; share a batch out among threads by parts.
   virtual void EvaluateBatch(std::span<const SampleQuery> queries,

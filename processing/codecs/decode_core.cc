@@ -4,6 +4,15 @@
 
 namespace mesorig::codecs {
 
+void EncodedBtf::DecodeSamples(std::span<const NodeQuery> queries,
+                               std::span<std::array<float, 3>> out) const {
+  const btf::BtfHeader& h = info().header;
+  for (size_t i = 0; i < queries.size(); ++i) {
+    const auto& [x, y, view, light] = queries[i];
+    out[i] = Evaluate(x, y, h.views[static_cast<size_t>(view)], h.lights[static_cast<size_t>(light)]);
+  }
+}
+
 void EncodedBtf::EvaluateBatch(std::span<const SampleQuery> queries,
                                std::span<std::array<float, 3>> out) const {
   for (size_t i = 0; i < queries.size(); ++i) {

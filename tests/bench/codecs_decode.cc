@@ -7,8 +7,8 @@
 namespace mesorig::bench {
 namespace {
 
-constexpr int kSide = 128, kTerms = 4, kRounds = 5;
-constexpr size_t kQueries = size_t{1} << 18, kBatch = 4096;
+constexpr int kSide = 128, kTerms = 4, kRounds = 20;
+constexpr size_t kQueries = size_t{1} << 17, kBatch = 4096;
 constexpr size_t kTriad = size_t{1} << 24;  // floats of each of its arrays, both threads together
 
 using codecs::SampleQuery;
@@ -52,33 +52,25 @@ std::vector<SampleQuery> Queries(const btf::BtfHeader& h, bool at_nodes) {
   return queries;
 }
 
-double BatchRate(const ViewSvdBtf& btf, const std::vector<SampleQuery>& queries) {
-  std::vector<std::array<float, 3>> out(queries.size());
-  const size_t part = queries.size() / kThreads;
-  const double seconds = Best(kRounds, [&] {
-    return SecondsOnThreads([&](int thread) {
-      const size_t begin = static_cast<size_t>(thread) * part;
-      for (size_t first = begin; first < begin + part; first += kBatch) {
-        btf.EvaluateBatch(std::span(queries).subspan(first, kBatch),
-                          std::span(out).subspan(first, kBatch));
-      }
-    });
-  });
-  return static_cast<double>(queries.size()) / seconds;
+std::vector<codecs::NodeQuery> Nodes(const btf::BtfHeader& h) {
+  std::mt19937 random(3);
+  std::vector<codecs::NodeQuery> queries(kQueries);
+  for (codecs::NodeQuery& q : queries) {
+    q = {static_cast<int>(random() % kSide), static_cast<int>(random() % kSide),
+         static_cast<int>(random() % h.views.size()), static_cast<int>(random() % h.lights.size())};
+  }
+  return queries;
 }
 
-double SingleRate(const codecs::EncodedBtf& btf, const std::vector<SampleQuery>& queries) {
-  std::vector<std::array<float, 3>> out(queries.size());
-  const size_t part = queries.size() / kThreads;
+// Samples a second, both threads together. `decode(first, count)`.
+double Rate(const std::function<void(size_t, size_t)>& decode) {
   const double seconds = Best(kRounds, [&] {
     return SecondsOnThreads([&](int thread) {
-      const size_t begin = static_cast<size_t>(thread) * part;
-      for (size_t i = begin; i < begin + part; ++i) {
-        out[i] = btf.Evaluate(queries[i].x, queries[i].y, queries[i].v, queries[i].l);
-      }
+      const size_t part = kQueries / kThreads, begin = static_cast<size_t>(thread) * part;
+      for (size_t first = begin; first < begin + part; first += kBatch) decode(first, kBatch);
     });
   });
-  return static_cast<double>(queries.size()) / seconds;
+  return static_cast<double>(kQueries) / seconds;
 }
 
 // Every light once, one view.
@@ -111,12 +103,28 @@ double TriadRate() {
 
 StatusOr<nlohmann::json> DecodeRates() {
   MESORIG_ASSIGN_OR_RETURN(const auto btf, Factors());
-  const auto nodes = Queries(btf->info().header, true), anywhere = Queries(btf->info().header, false);
+  const auto at_nodes = Queries(btf->info().header, true);
+  const auto anywhere = Queries(btf->info().header, false);
+  const std::vector<codecs::NodeQuery> nodes = Nodes(btf->info().header);
+  std::vector<std::array<float, 3>> out(kQueries);
+  const auto batch = [&](const std::vector<SampleQuery>& queries) {
+    return 1e-6 * Rate([&](size_t first, size_t count) {
+      btf->EvaluateBatch(std::span(queries).subspan(first, count),
+                         std::span(out).subspan(first, count));
+    });
+  };
   nlohmann::json json;
-  json["nodes_m_per_s"] = 1e-6 * BatchRate(*btf, nodes);
-  json["interpolated_m_per_s"] = 1e-6 * BatchRate(*btf, anywhere);
-  json["nodes_one_by_one_m_per_s"] = 1e-6 * SingleRate(*btf, nodes);
-  json["interpolated_one_by_one_m_per_s"] = 1e-6 * SingleRate(*btf, anywhere);
+  json["nodes_m_per_s"] = 1e-6 * Rate([&](size_t first, size_t count) {
+    btf->DecodeSamples(std::span(nodes).subspan(first, count), std::span(out).subspan(first, count));
+  });
+  json["directions_of_nodes_m_per_s"] = batch(at_nodes);
+  json["interpolated_m_per_s"] = batch(anywhere);
+  json["interpolated_one_by_one_m_per_s"] = 1e-6 * Rate([&](size_t first, size_t count) {
+    for (size_t i = first; i < first + count; ++i) {
+      const auto& [x, y, v, l] = anywhere[i];
+      out[i] = static_cast<const codecs::EncodedBtf&>(*btf).Evaluate(x, y, v, l);
+    }
+  });
   // 4 terms of RGB read, RGB written.
   const double images = ImageRate(*btf), bytes = images * 12 * (kTerms + 1), triad = TriadRate();
   json["images_m_per_s"] = 1e-6 * images;

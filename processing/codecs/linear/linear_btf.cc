@@ -89,4 +89,13 @@ std::array<float, 3> LinearBtf::Evaluate(int x, int y, Vec3 v, Vec3 l) const {
   return rgb;
 }
 
+void LinearBtf::DecodeSamples(std::span<const NodeQuery> queries,
+                              std::span<std::array<float, 3>> out) const {
+  const auto width = static_cast<size_t>(info_.header.width);
+  for (size_t i = 0; i < queries.size(); ++i) {
+    const auto& [x, y, view, light] = queries[i];
+    out[i] = Value(view, light, static_cast<size_t>(y) * width + static_cast<size_t>(x));
+  }
+}
+
 }  // namespace mesorig::codecs

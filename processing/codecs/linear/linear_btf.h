@@ -55,6 +55,8 @@ class LinearBtf final : public EncodedBtf {
   const btf::BtfFileInfo& info() const override { return info_; }
   void DecodeImage(int view, int light, std::span<float> rgb) const override;
   std::array<float, 3> Evaluate(int x, int y, Vec3 v, Vec3 l) const override;
+  void DecodeSamples(std::span<const NodeQuery> queries,
+                     std::span<std::array<float, 3>> out) const override;
   std::vector<btf::Plane> Planes() const override;
   // Layers: terms by threes (linear_shader.cc).
   std::optional<ShaderForm> ToShader() const override;

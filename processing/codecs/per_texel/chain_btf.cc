@@ -68,6 +68,13 @@ std::array<float, 3> ChainBtf::Value(const PairTaps& taps, size_t texel) const {
   return rgb;
 }
 
+std::array<float, 3> ChainBtf::Value(int view, int light, size_t texel) const {
+  if (taps_.empty()) return Value(TapsOf(factors_.stages, info_.header, view, light), texel);
+  return Value(taps_[static_cast<size_t>(view) * info_.header.lights.size() +
+                     static_cast<size_t>(light)],
+               texel);
+}
+
 void ChainBtf::DecodeImage(int view, int light, std::span<float> rgb) const {
   const PairTaps taps = TapsOf(factors_.stages, info_.header, view, light);
   for (size_t i = 0; i < info_.header.texel_count(); ++i) {
@@ -82,16 +89,20 @@ std::array<float, 3> ChainBtf::Evaluate(int x, int y, Vec3 v, Vec3 l) const {
                        static_cast<size_t>(x);
   std::array<float, 3> rgb{};
   for (size_t n = 0; n < static_cast<size_t>(pairs.count); ++n) {
-    const size_t pair = static_cast<size_t>(pairs.view[n]) * info_.header.lights.size() +
-                        static_cast<size_t>(pairs.light[n]);
-    const auto value =
-        taps_.empty()
-            ? Value(TapsOf(factors_.stages, info_.header, pairs.view[n], pairs.light[n]), texel)
-            : Value(taps_[pair], texel);
+    const auto value = Value(pairs.view[n], pairs.light[n], texel);
     const float weight = pairs.scale * pairs.weight[n];
     for (size_t c = 0; c < 3; ++c) rgb[c] += weight * value[c];
   }
   return rgb;
+}
+
+void ChainBtf::DecodeSamples(std::span<const NodeQuery> queries,
+                             std::span<std::array<float, 3>> out) const {
+  const auto width = static_cast<size_t>(info_.header.width);
+  for (size_t i = 0; i < queries.size(); ++i) {
+    const auto& [x, y, view, light] = queries[i];
+    out[i] = Value(view, light, static_cast<size_t>(y) * width + static_cast<size_t>(x));
+  }
 }
 
 ChainFactors Balanced(std::vector<Stage> stages, const btf::BtfHeader& header,

@@ -28,6 +28,8 @@ class ChainBtf final : public EncodedBtf {
   const btf::BtfFileInfo& info() const override { return info_; }
   void DecodeImage(int view, int light, std::span<float> rgb) const override;
   std::array<float, 3> Evaluate(int x, int y, Vec3 v, Vec3 l) const override;
+  void DecodeSamples(std::span<const NodeQuery> queries,
+                     std::span<std::array<float, 3>> out) const override;
   std::vector<btf::Plane> Planes() const override;
   // Fits the mip levels: about a third of what encoding with as many sweeps takes.
   std::optional<ShaderForm> ToShader() const override;
@@ -38,6 +40,7 @@ class ChainBtf final : public EncodedBtf {
  private:
   ChainBtf(btf::BtfFileInfo info, ChainFactors factors, btf::PairInterpolator interpolator);
   std::array<float, 3> Value(const PairTaps& taps, size_t texel) const;
+  std::array<float, 3> Value(int view, int light, size_t texel) const;
 
   btf::BtfFileInfo info_;
   ChainFactors factors_;

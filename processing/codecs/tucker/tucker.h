@@ -37,6 +37,14 @@ class TuckerBtf final : public EncodedBtf {
   std::array<float, 3> Evaluate(int x, int y, Vec3 v, Vec3 l) const override {
     return expanded_->Evaluate(x, y, v, l);
   }
+  void EvaluateBatch(std::span<const SampleQuery> queries,
+                     std::span<std::array<float, 3>> out) const override {
+    expanded_->EvaluateBatch(queries, out);
+  }
+  void DecodeSamples(std::span<const NodeQuery> queries,
+                     std::span<std::array<float, 3>> out) const override {
+    expanded_->DecodeSamples(queries, out);
+  }
   std::vector<btf::Plane> Planes() const override;
   std::optional<ShaderForm> ToShader() const override { return expanded_->ToShader(); }
 

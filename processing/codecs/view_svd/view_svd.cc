@@ -44,7 +44,7 @@ void DecodeTexels(const float* weights, const float* texels, size_t terms, std::
   std::memcpy(rgb.data() + last, &value, 3 * sizeof(float));
 }
 
-constexpr size_t kAtOnce = 32;  // samples whose factors are on their way from memory
+constexpr size_t kAtOnce = 32, kAhead = 16;  // samples whose factors are on their way from memory
 
 }  // namespace
 
@@ -76,52 +76,60 @@ void ViewSvdBtf::DecodeImage(int view, int light, std::span<float> rgb) const {
   DecodeTexels<0>(weights, texels, terms, rgb);
 }
 
+// Those that are not used have weight 0.
 struct ViewSvdBtf::Taps {
-  struct Light {
-    const float* texel = nullptr;
-    std::array<const float*, 3> view{};  // rows of E
-    std::array<float, 3> weight{};       // not used: 0
-    size_t views = 0;
-  };
-  std::array<Light, 3> lights;
-  size_t count = 0;
+  std::array<const float*, 3> view{};   // rows of E
+  std::array<const float*, 3> texel{};  // of each light
+  std::array<float, 3> view_weight{}, light_weight{};
 };
 
-ViewSvdBtf::Taps ViewSvdBtf::TapsOf(const SampleQuery& query) const {
-  const btf::PairWeights pairs = interpolator_.Lookup(query.v, query.l);
-  const size_t texel = static_cast<size_t>(query.y) * static_cast<size_t>(info_.header.width) +
-                       static_cast<size_t>(query.x);
-  Taps taps;
-  for (size_t n = 0; n < static_cast<size_t>(pairs.count); ++n) {
-    const float* const at = EigenTexel(pairs.light[n], texel);
-    size_t i = 0;
-    while (i < taps.count && taps.lights[i].texel != at) ++i;
-    Taps::Light& light = taps.lights[i];
-    if (i == taps.count) {
-      ++taps.count;
-      light.texel = at;
-      light.view.fill(weights_.data());
-    }
-    light.view[light.views] = weights_.data() + pairs.view[n] * terms_;
-    light.weight[light.views++] = pairs.scale * pairs.weight[n];
+bool ViewSvdBtf::TapsOf(const SampleQuery& query, Taps& taps) const {
+  btf::SeparateWeights weights;
+  if (!interpolator_.LookupSeparate(query.v, query.l, weights)) return false;
+  const size_t texel = TexelOf(query);
+  for (size_t i = 0; i < 3; ++i) {
+    taps.view[i] = weights_.data() + weights.view.index[i] * terms_;
+    taps.view_weight[i] = weights.scale * weights.view.weight[i];
+    taps.light_weight[i] = weights.light.weight[i];
+    // Weight 0 comes with index 0: read what is read anyway.
+    taps.texel[i] = weights.light.weight[i] > 0 ? EigenTexel(weights.light.index[i], texel) : nullptr;
   }
-  return taps;
+  const float* const any = taps.texel[0] != nullptr   ? taps.texel[0]
+                           : taps.texel[1] != nullptr ? taps.texel[1]
+                                                      : taps.texel[2];
+  for (const float*& at : taps.texel) at = at == nullptr ? any : at;
+  return true;
 }
 
 std::array<float, 3> ViewSvdBtf::Sum(const Taps& taps) const {
+  std::array<Four, 3> sums{};
+  for (size_t k = 0; k < static_cast<size_t>(terms_); ++k) {
+    const Four weight = Broadcast(taps.view_weight[0] * taps.view[0][k] +
+                                  taps.view_weight[1] * taps.view[1][k] +
+                                  taps.view_weight[2] * taps.view[2][k]);
+    for (size_t i = 0; i < 3; ++i) sums[i] += weight * Load(taps.texel[i] + 3 * k);
+  }
   Four sum{};
-  for (size_t i = 0; i < taps.count; ++i) {
-    const auto& [texel, view, weight, views] = taps.lights[i];
-    for (size_t k = 0; k < static_cast<size_t>(terms_); ++k) {
-      const float w = weight[0] * view[0][k] + weight[1] * view[1][k] + weight[2] * view[2][k];
-      sum += Broadcast(w) * Load(texel + 3 * k);
-    }
+  for (size_t i = 0; i < 3; ++i) sum += Broadcast(taps.light_weight[i]) * sums[i];
+  return {sum[0], sum[1], sum[2]};
+}
+
+std::array<float, 3> ViewSvdBtf::SumOfPresent(const SampleQuery& query) const {
+  const btf::PairWeights pairs = interpolator_.Lookup(query.v, query.l);
+  const size_t texel = TexelOf(query), terms = static_cast<size_t>(terms_);
+  Four sum{};
+  for (size_t n = 0; n < static_cast<size_t>(pairs.count); ++n) {
+    const float* const weights = weights_.data() + static_cast<size_t>(pairs.view[n]) * terms;
+    sum += Broadcast(pairs.scale * pairs.weight[n]) *
+           WeightedTerms(weights, EigenTexel(pairs.light[n], texel), terms);
   }
   return {sum[0], sum[1], sum[2]};
 }
 
 std::array<float, 3> ViewSvdBtf::Evaluate(int x, int y, Vec3 v, Vec3 l) const {
-  return Sum(TapsOf({x, y, v, l}));
+  const SampleQuery query{x, y, v, l};
+  Taps taps;
+  return TapsOf(query, taps) ? Sum(taps) : SumOfPresent(query);
 }
 
 void ViewSvdBtf::EvaluateBatch(std::span<const SampleQuery> queries,
@@ -130,14 +138,38 @@ void ViewSvdBtf::EvaluateBatch(std::span<const SampleQuery> queries,
   for (size_t first = 0; first < queries.size(); first += kAtOnce) {
     const size_t count = std::min(kAtOnce, queries.size() - first);
     for (size_t i = 0; i < count; ++i) {
-      taps[i] = TapsOf(queries[first + i]);
-      for (size_t l = 0; l < taps[i].count; ++l) {
-        const float* const texel = taps[i].lights[l].texel;
+      if (!TapsOf(queries[first + i], taps[i])) {
+        taps[i].texel[0] = nullptr;
+        continue;
+      }
+      for (const float* const texel : taps[i].texel) {
         __builtin_prefetch(texel);
         __builtin_prefetch(texel + 3 * terms_ - 1);
       }
     }
-    for (size_t i = 0; i < count; ++i) out[first + i] = Sum(taps[i]);
+    for (size_t i = 0; i < count; ++i) {
+      out[first + i] =
+          taps[i].texel[0] != nullptr ? Sum(taps[i]) : SumOfPresent(queries[first + i]);
+    }
+  }
+}
+
+void ViewSvdBtf::DecodeSamples(std::span<const NodeQuery> queries,
+                               std::span<std::array<float, 3>> out) const {
+  const auto terms = static_cast<size_t>(terms_);
+  const auto texel = [&](const NodeQuery& q) {
+    return EigenTexel(q.light, static_cast<size_t>(q.y) * static_cast<size_t>(info_.header.width) +
+                                   static_cast<size_t>(q.x));
+  };
+  for (size_t i = 0; i < queries.size(); ++i) {
+    if (i + kAhead < queries.size()) {
+      const float* const next = texel(queries[i + kAhead]);
+      __builtin_prefetch(next);
+      __builtin_prefetch(next + 3 * terms - 1);
+    }
+    const Four value = WeightedTerms(weights_.data() + static_cast<size_t>(queries[i].view) * terms,
+                                     texel(queries[i]), terms);
+    out[i] = {value[0], value[1], value[2]};
   }
 }
 

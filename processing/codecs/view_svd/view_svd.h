@@ -33,6 +33,8 @@ class ViewSvdBtf final : public EncodedBtf {
   std::array<float, 3> Evaluate(int x, int y, Vec3 v, Vec3 l) const override;
   void EvaluateBatch(std::span<const SampleQuery> queries,
                      std::span<std::array<float, 3>> out) const override;
+  void DecodeSamples(std::span<const NodeQuery> queries,
+                     std::span<std::array<float, 3>> out) const override;
   std::vector<btf::Plane> Planes() const override;
   // Layers: eigen-textures, light * terms + term; table: weights, then the presence where a pair is
   // absent; columns: terms.
@@ -52,10 +54,15 @@ class ViewSvdBtf final : public EncodedBtf {
  private:
   ViewSvdBtf(btf::BtfFileInfo info, int terms, Quantisation quantisation, std::vector<float> weights,
              std::vector<float> eigen_textures, btf::PairInterpolator interpolator);
-  // What a sample reads: up to three lights, and for each up to three views.
+  // What a sample reads: three lights of three views; false where some of their pairs are absent.
   struct Taps;
-  Taps TapsOf(const SampleQuery& query) const;
+  bool TapsOf(const SampleQuery& query, Taps& taps) const;
   std::array<float, 3> Sum(const Taps& taps) const;
+  std::array<float, 3> SumOfPresent(const SampleQuery& query) const;
+  size_t TexelOf(const SampleQuery& query) const {
+    return static_cast<size_t>(query.y) * static_cast<size_t>(info_.header.width) +
+           static_cast<size_t>(query.x);
+  }
 
   btf::BtfFileInfo info_;
   int terms_;

@@ -79,7 +79,13 @@ TEST_P(EveryCodec, EvaluatesMeasuredPairsAsItDecodesThem) {
       (*encoded)->DecodeImage(v, l, image);
       const auto rgb = (*encoded)->Evaluate(4, 2, btf.header().views[static_cast<size_t>(v)],
                                             btf.header().lights[static_cast<size_t>(l)]);
-      for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(rgb[c], image[3 * (2 * 7 + 4) + c], 1e-4);
+      const NodeQuery node{4, 2, v, l};
+      std::array<float, 3> sample{};
+      (*encoded)->DecodeSamples({&node, 1}, {&sample, 1});
+      for (size_t c = 0; c < 3; ++c) {
+        EXPECT_NEAR(rgb[c], image[3 * (2 * 7 + 4) + c], 1e-4);
+        EXPECT_NEAR(sample[c], image[3 * (2 * 7 + 4) + c], 1e-6);
+      }
     }
   }
 }
