@@ -11,7 +11,10 @@
 namespace mesorig::codecs::algebra {
 namespace {
 
+// Every size that BLAS and LAPACK are told goes through here: threads.h.
 blasint Int(int64_t n) {
+  static const bool one_thread = (openblas_set_num_threads(1), true);
+  (void)one_thread;
   MESORIG_CHECK(n >= 0 && n < (int64_t{1} << 31));
   return static_cast<blasint>(n);
 }
@@ -31,19 +34,26 @@ struct Sizes {
   }
 };
 
+constexpr int64_t kWorthThreads = int64_t{1} << 26;  // multiplications
 constexpr int64_t kGramRows = 4096;  // converted at a time
 
 }  // namespace
-
-void SetThreads(int threads) { openblas_set_num_threads(std::max(threads, 1)); }
-int Threads() { return openblas_get_num_threads(); }
 
 void MultiplyInto(ViewF a, bool transpose_a, ViewF b, bool transpose_b, float beta, float* c,
                   int64_t stride_c) {
   const Sizes<float> s(a, transpose_a, b, transpose_b);
   if (s.m == 0 || s.n == 0) return;
-  cblas_sgemm(CblasColMajor, Op(transpose_a), Op(transpose_b), Int(s.m), Int(s.n), Int(s.k), 1.0f,
-              a.data, Stride(a.stride), b.data, Stride(b.stride), beta, c, Stride(stride_c));
+  const int64_t workers = s.m * s.n * s.k >= kWorthThreads ? Threads() : 1;
+  const Status status = ForParts(
+      static_cast<int>(workers), s.m, (s.m + workers - 1) / workers,
+      [&](int, int64_t first, int64_t rows) {
+        const float* const from = a.data + (transpose_a ? first * a.stride : first);
+        cblas_sgemm(CblasColMajor, Op(transpose_a), Op(transpose_b), Int(rows), Int(s.n), Int(s.k),
+                    1.0f, from, Stride(a.stride), b.data, Stride(b.stride), beta, c + first,
+                    Stride(stride_c));
+        return OkStatus();
+      });
+  MESORIG_CHECK(status.ok());
 }
 
 MatrixF Multiply(ViewF a, bool transpose_a, ViewF b, bool transpose_b) {
@@ -63,16 +73,38 @@ MatrixD Multiply(ViewD a, bool transpose_a, ViewD b, bool transpose_b) {
   return c;
 }
 
+namespace {
+
+// Rows [first, first + rows) in double.
+MatrixD Wide(ViewF a, int64_t first, int64_t rows) {
+  MatrixD wide(rows, a.cols);
+  for (int64_t j = 0; j < a.cols; ++j) {
+    const float* const from = a.data + j * a.stride + first;
+    std::copy(from, from + rows, wide.Column(j));
+  }
+  return wide;
+}
+
+}  // namespace
+
+void AddProduct(ViewF a, ViewF b, MatrixD& c) {
+  MESORIG_CHECK(a.rows == b.rows && c.rows == a.cols && c.cols == b.cols);
+  if (a.cols == 0 || b.cols == 0) return;
+  for (int64_t first = 0; first < a.rows; first += kGramRows) {
+    const int64_t rows = std::min(kGramRows, a.rows - first);
+    const MatrixD x = Wide(a, first, rows), y = Wide(b, first, rows);
+    cblas_dgemm(CblasColMajor, CblasTrans, CblasNoTrans, Int(a.cols), Int(b.cols), Int(rows), 1.0,
+                x.values.data(), Stride(rows), y.values.data(), Stride(rows), 1.0, c.values.data(),
+                Stride(c.rows));
+  }
+}
+
 void AddGram(ViewF a, MatrixD& gram) {
   MESORIG_CHECK(gram.rows == a.cols && gram.cols == a.cols);
   if (a.cols == 0) return;
   for (int64_t first = 0; first < a.rows; first += kGramRows) {
     const int64_t rows = std::min(kGramRows, a.rows - first);
-    MatrixD block(rows, a.cols);
-    for (int64_t j = 0; j < a.cols; ++j) {
-      const float* const from = a.data + j * a.stride + first;
-      std::copy(from, from + rows, block.Column(j));
-    }
+    const MatrixD block = Wide(a, first, rows);
     cblas_dsyrk(CblasColMajor, CblasLower, CblasTrans, Int(a.cols), Int(rows), 1.0,
                 block.values.data(), Stride(rows), 1.0, gram.values.data(), Stride(gram.rows));
   }

@@ -1,11 +1,12 @@
 #pragma once
 // Dense column-major matrices and what BLAS and LAPACK do with them. Sizes must match (our own bugs
 // are checked); nothing here is NaN-safe: callers refuse values that are not finite. Reentrant; the
-// products use the threads of SetThreads.
+// products of large matrices use the threads of threads.h.
 
 #include <cstdint>
 #include <vector>
 
+#include "processing/codecs/algebra/threads.h"
 #include "protocol/base/status.h"
 
 namespace mesorig::codecs::algebra {
@@ -39,10 +40,6 @@ struct View {
 using ViewF = View<float>;
 using ViewD = View<double>;
 
-// Of the library, for the whole process. At least 1.
-void SetThreads(int threads);
-int Threads();
-
 // op(a) op(b), op is the transpose where asked for.
 MatrixF Multiply(ViewF a, bool transpose_a, ViewF b, bool transpose_b);
 MatrixD Multiply(ViewD a, bool transpose_a, ViewD b, bool transpose_b);
@@ -52,6 +49,9 @@ void MultiplyInto(ViewF a, bool transpose_a, ViewF b, bool transpose_b, float be
 
 // gram += a^T a in double, both triangles. a.cols x a.cols.
 void AddGram(ViewF a, MatrixD& gram);
+
+// c += a^T b in double. a.cols x b.cols.
+void AddProduct(ViewF a, ViewF b, MatrixD& c);
 
 // Columns to an orthonormal basis that holds their span, whatever their rank (Householder; columns
 // that depend on others become arbitrary ones orthogonal to all). rows >= cols. With `r` also the

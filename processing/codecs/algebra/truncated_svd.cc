@@ -12,7 +12,11 @@ constexpr double kDirectFlops = 2e7;     // min^2 * max: milliseconds
 constexpr int64_t kGramAlways = 512;     // cheaper than anything else, whatever the rank
 constexpr int64_t kGramSide = 2048;      // eigenvectors of more take seconds
 constexpr int64_t kGramPerTerm = 6;      // a Gram matrix costs what six vectors a term cost
-constexpr int64_t kTurnedBytes = int64_t{512} << 20;  // a matrix that is turned is held whole
+constexpr int64_t kTurnedBytes = int64_t{128} << 20;  // a matrix that is turned is held whole
+constexpr int64_t kSketchRowsPerVector = 24, kSketchedRows = 4;  // of A for one of the sketch, least
+constexpr int kSketchPowerSteps = 2;
+constexpr double kOrthogonal = 1e-6;
+constexpr int64_t kBasisBytes = int64_t{256} << 20;  // of a basis that grows, and its products
 constexpr double kGramVisible = 1e-10;   // of the first eigenvalue: 1e-5 of the singular value
 constexpr float kTooLarge = 1e15f, kTooSmall = 1e-15f;  // squares leave float's range
 
@@ -28,18 +32,22 @@ class Blocks {
   Blocks(const RowSource& source, const SvdOptions& options, int64_t at_least)
       : source_(source),
         rows_(std::clamp<int64_t>(options.block_bytes / (4 * source.cols()),
-                                  std::min<int64_t>(at_least, 64), source.rows())) {}
-
-  // Calls function(first row, block) for all blocks.
-  Status ForEach(const std::function<Status(int64_t, ViewF)>& function) {
-    scratch_.resize(static_cast<size_t>(rows_ * source_.cols()));
-    for (int64_t first = 0; first < source_.rows(); first += rows_) {
-      const int64_t count = std::min(rows_, source_.rows() - first);
-      MESORIG_ASSIGN_OR_RETURN(ViewF block, source_.Rows(first, count, scratch_.data()));
-      MESORIG_RETURN_IF_ERROR(function(first, scale_ == 1 ? block : Scaled(block)));
-    }
-    return OkStatus();
+                                  std::min<int64_t>(at_least, 64), source.rows())),
+        workers_(static_cast<int>(std::clamp<int64_t>(source.rows() / 64, 1, Threads()))),
+        scratch_(static_cast<size_t>(workers_)), scaled_(static_cast<size_t>(workers_)) {
+    rows_ = std::min(rows_, (source.rows() + workers_ - 1) / workers_);
   }
+
+  // Calls function(worker, first row, block) for all blocks; see ForParts.
+  Status ForEach(const std::function<Status(int, int64_t, ViewF)>& function) {
+    return ForParts(workers_, source_.rows(), rows_, [&](int w, int64_t first, int64_t count) -> Status {
+      std::vector<float>& scratch = scratch_[static_cast<size_t>(w)];
+      scratch.resize(static_cast<size_t>(rows_ * source_.cols()));
+      MESORIG_ASSIGN_OR_RETURN(ViewF block, source_.Rows(first, count, scratch.data()));
+      return function(w, first, scale_ == 1 ? block : Scaled(block, scaled_[static_cast<size_t>(w)]));
+    });
+  }
+  int workers() const { return workers_; }
 
   // Adds up the norm and looks for what is not finite.
   static Status Look(int64_t first, ViewF block, Reading& reading) {
@@ -68,20 +76,40 @@ class Blocks {
   float scale() const { return scale_; }
 
  private:
-  ViewF Scaled(ViewF block) {
-    scaled_.resize(static_cast<size_t>(block.rows * block.cols));
+  ViewF Scaled(ViewF block, std::vector<float>& scaled) const {
+    scaled.resize(static_cast<size_t>(block.rows * block.cols));
     for (int64_t j = 0; j < block.cols; ++j) {
       const float* const from = block.data + j * block.stride;
-      std::transform(from, from + block.rows, scaled_.data() + j * block.rows,
+      std::transform(from, from + block.rows, scaled.data() + j * block.rows,
                      [this](float x) { return x * scale_; });
     }
-    return {scaled_.data(), block.rows, block.cols, block.rows};
+    return {scaled.data(), block.rows, block.cols, block.rows};
   }
 
   const RowSource& source_;
   int64_t rows_;
+  int workers_;
   float scale_ = 1;
-  std::vector<float> scratch_, scaled_;
+  std::vector<std::vector<float>> scratch_, scaled_;  // of each worker
+};
+
+// One matrix of zeros a worker, added up in the end.
+template <typename T>
+class Sums {
+ public:
+  Sums(int workers, int64_t rows, int64_t cols)
+      : parts_(static_cast<size_t>(workers), Matrix<T>(rows, cols)) {}
+  Matrix<T>& of(int worker) { return parts_[static_cast<size_t>(worker)]; }
+  Matrix<T> Total() {
+    for (size_t w = 1; w < parts_.size(); ++w) {
+      std::transform(parts_[w].values.begin(), parts_[w].values.end(), parts_[0].values.begin(),
+                     parts_[0].values.begin(), std::plus<T>());
+    }
+    return std::move(parts_[0]);
+  }
+
+ private:
+  std::vector<Matrix<T>> parts_;
 };
 
 // A small or turned matrix, whole.
@@ -142,7 +170,7 @@ class Sketch {
         blocks_(source, options, width_) {}
 
   StatusOr<TruncatedSvd> Randomised() {
-    MESORIG_RETURN_IF_ERROR(Start([this] { return Gaussian(); }));
+    MESORIG_RETURN_IF_ERROR(Start([this] { return First(); }));
     MESORIG_RETURN_IF_ERROR(PowerSteps(options_.max_power_steps));
     return Finish(SvdMethod::kRandomised);
   }
@@ -166,27 +194,75 @@ class Sketch {
     return basis();
   }
 
-  // Q = orth(A^T G), G Gaussian.
-  Status Gaussian() {
-    std::mt19937_64 random(options_.seed);
-    std::normal_distribution<float> normal;
-    reading_ = {};
-    q_ = MatrixF(source_.cols(), width_);
-    MESORIG_RETURN_IF_ERROR(ForEachSeen([&](ViewF block) {
-      MatrixF g(block.rows, width_);
-      for (float& x : g.values) x = normal(random);
-      MultiplyInto(block, true, g, false, 1.0f, q_.values.data(), q_.rows);
+  // Numbers of a row's own, whatever the blocks (splitmix64).
+  uint64_t Draw(int64_t row) const {
+    uint64_t x = options_.seed * 0xd1342543de82ef95u + static_cast<uint64_t>(row) * 0x9e3779b97f4a7c15u;
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+    return x ^ (x >> 31);
+  }
+
+  // The first basis of the randomised way: of S A where S, whose rows are far fewer than A's but far
+  // more than the vectors looked for, costs no more than reading A; else of G A, G Gaussian.
+  Status First() {
+    const int64_t rows = std::min(options_.block_bytes / (4 * source_.cols()),
+                                  kSketchRowsPerVector * width_);
+    if (rows < 4 * width_ || rows > source_.rows() / kSketchedRows) return Gaussian();
+    return CountSketch(rows);
+  }
+
+  // S adds each row of A, with a random sign, to one of `rows` sums (Clarkson and Woodruff 2013): a
+  // matrix whose leading right singular vectors are nearly those of A.
+  Status CountSketch(int64_t rows) {
+    Sums<float> sums(blocks_.workers(), rows, source_.cols());
+    MESORIG_RETURN_IF_ERROR(ForEachSeen([&](int worker, int64_t first, ViewF block) {
+      std::vector<std::pair<uint32_t, float>> to;
+      for (int64_t i = 0; i < block.rows; ++i) {
+        const uint64_t draw = Draw(first + i);
+        to.emplace_back(static_cast<uint32_t>((draw >> 32) * static_cast<uint64_t>(rows) >> 32),
+                        (draw & 1) != 0 ? 1.0f : -1.0f);
+      }
+      MatrixF& sum = sums.of(worker);
+      for (int64_t j = 0; j < block.cols; ++j) {
+        const float* const from = block.data + j * block.stride;
+        float* const column = sum.Column(j);
+        for (size_t i = 0; i < to.size(); ++i) column[to[i].first] += to[i].second * from[i];
+      }
     }));
+    if (!InRange()) return OkStatus();
+    const MatrixF sketch = sums.Total();
+    SvdOptions options = options_;
+    options.rank = width_;
+    options.method = SvdMethod::kRandomised;
+    options.max_power_steps = kSketchPowerSteps;
+    MESORIG_ASSIGN_OR_RETURN(TruncatedSvd svd, DecomposeTruncated(DenseSource(sketch), options));
+    q_ = std::move(svd.v);
+    return OkStatus();
+  }
+
+  // Q = orth(A^T G), G Gaussian: each row of it from a generator of its own.
+  Status Gaussian() {
+    Sums<float> sums(blocks_.workers(), source_.cols(), width_);
+    MESORIG_RETURN_IF_ERROR(ForEachSeen([&](int worker, int64_t first, ViewF block) {
+      MatrixF g(block.rows, width_);
+      for (int64_t i = 0; i < g.rows; ++i) {
+        std::minstd_rand random(static_cast<uint32_t>(Draw(first + i)));
+        std::normal_distribution<float> normal;
+        for (int64_t j = 0; j < width_; ++j) g(i, j) = normal(random);
+      }
+      MatrixF& sum = sums.of(worker);
+      MultiplyInto(block, true, g, false, 1.0f, sum.values.data(), sum.rows);
+    }));
+    q_ = sums.Total();
     return InRange() ? Orthonormalise(q_) : OkStatus();
   }
 
   // Q = the leading eigenvectors of A^T A.
   Status Eigenvectors(bool& visible) {
-    reading_ = {};
-    MatrixD gram(source_.cols(), source_.cols());
-    MESORIG_RETURN_IF_ERROR(ForEachSeen([&](ViewF block) {
-      AddGram(block, gram);
-    }));
+    Sums<double> sums(blocks_.workers(), source_.cols(), source_.cols());
+    MESORIG_RETURN_IF_ERROR(ForEachSeen(
+        [&](int worker, int64_t, ViewF block) { AddGram(block, sums.of(worker)); }));
+    MatrixD gram = sums.Total();
     std::vector<double> values;
     MESORIG_RETURN_IF_ERROR(SymmetricEigen(gram, values));
     visible = values[static_cast<size_t>(width_ - 1)] > kGramVisible * values[0] || values[0] <= 0;
@@ -194,29 +270,88 @@ class Sketch {
     return OkStatus();
   }
 
-  // Adds each block to reading_ before it calls function(block).
-  Status ForEachSeen(const std::function<void(ViewF)>& function) {
-    return blocks_.ForEach([&](int64_t first, ViewF block) {
-      const Status seen = Blocks::Look(first, block, reading_);
-      if (seen.ok()) function(block);
+  // Looks at each block before it calls function(worker, first, block); reading_ is what was seen.
+  Status ForEachSeen(const std::function<void(int, int64_t, ViewF)>& function) {
+    std::vector<Reading> readings(static_cast<size_t>(blocks_.workers()));
+    MESORIG_RETURN_IF_ERROR(blocks_.ForEach([&](int worker, int64_t first, ViewF block) {
+      const Status seen = Blocks::Look(first, block, readings[static_cast<size_t>(worker)]);
+      if (seen.ok()) function(worker, first, block);
       return seen;
-    });
+    }));
+    reading_ = {};
+    for (const Reading& r : readings) {
+      reading_.square += r.square;
+      reading_.largest = std::max(reading_.largest, r.largest);
+    }
+    return OkStatus();
   }
 
   bool InRange() const { return reading_.largest <= kTooLarge; }
 
-  // Q <- orth(A^T (A Q)); on the way the energy that `rank` terms of the old Q capture.
+  // How many blocks of width_ vectors the basis may grow to.
+  int64_t MostBlocks(int steps) const {
+    const int64_t side = std::min(source_.rows(), source_.cols()) / width_;
+    const int64_t bytes = 4 * width_ * (source_.rows() + source_.cols());
+    return std::clamp<int64_t>(std::min(side, kBasisBytes / bytes), 1, steps + 1);
+  }
+
+  // Q <- orth([Q, A^T (A q)]), q what was added last (block Lanczos): a step costs no more reading and
+  // no more products with A than one of Q <- orth(A^T (A Q)), to which it falls back where the basis
+  // would become too large, and its span holds what all of those have found.
   Status PowerSteps(int steps) {
+    const int64_t most = MostBlocks(steps);
+    if (most == 1) return PlainPowerSteps(steps);
+    for (int step = 0; step < std::min<int64_t>(steps, most - 1); ++step) {
+      MatrixF next, z;
+      MESORIG_RETURN_IF_ERROR(MultiplyNewest(z, &next));
+      AddProducts(z);
+      ++power_steps_;
+      MESORIG_ASSIGN_OR_RETURN(const double gain, Gain(next));
+      MESORIG_RETURN_IF_ERROR(Extend(std::move(next)));
+      // What this step has found lowers residual^2 by about `gain`; what another one would find, by
+      // less than its square (the gaps that both see are the same), residual by half of that.
+      if (gain * gain <= 2 * options_.stop) break;
+    }
+    return OkStatus();
+  }
+
+  // The part of residual^2 that the newest vectors' images `next` = A^T A q are about to explain, to
+  // first order: for each of the leading Ritz pairs |A^T A x - lambda x|^2 / (lambda - mu), mu the
+  // smallest Ritz value; of Krylov spaces only the newest block's images leave their span.
+  StatusOr<double> Gain(const MatrixF& next) {
+    MatrixD vectors = gram_;
+    std::vector<double> energies;
+    MESORIG_RETURN_IF_ERROR(SymmetricEigen(vectors, energies));
+    MatrixF outside = next;
+    MatrixF known = Multiply(q_, true, next, false);
+    for (float& x : known.values) x = -x;
+    MultiplyInto(q_, false, known, false, 1.0f, outside.values.data(), outside.rows);
+    MatrixF coefficients(next.cols, rank_);  // of the Ritz vectors in the newest block
+    for (int64_t k = 0; k < rank_; ++k) {
+      for (int64_t i = 0; i < next.cols; ++i) {
+        coefficients(i, k) = static_cast<float>(vectors(vectors.rows - next.cols + i, k));
+      }
+    }
+    const MatrixF rest = Multiply(outside, false, coefficients, false);
+    double gain = 0, left = reading_.square;
+    for (int64_t k = 0; k < rank_; ++k) {
+      double square = 0;
+      for (int64_t i = 0; i < rest.rows; ++i) square += std::pow(static_cast<double>(rest(i, k)), 2);
+      const double lambda = energies[static_cast<size_t>(k)], gap = lambda - energies.back();
+      gain += std::min(square / std::max(gap, 1e-3 * lambda + 1e-300), lambda);
+      left -= lambda;
+    }
+    return left > 1e-12 * reading_.square ? gain / left : 0.0;
+  }
+
+  // Q <- orth(A^T (A Q)); on the way the energy that `rank` terms of the old Q capture.
+  Status PlainPowerSteps(int steps) {
     double before = 0;
     for (int step = 0; step < steps; ++step) {
-      MatrixF next(q_.rows, width_);
-      MatrixD gram(width_, width_);
-      MESORIG_RETURN_IF_ERROR(blocks_.ForEach([&](int64_t, ViewF block) {
-        const MatrixF z = Multiply(block, false, q_, false);
-        AddGram(z, gram);
-        MultiplyInto(block, true, z, false, 1.0f, next.values.data(), next.rows);
-        return OkStatus();
-      }));
+      MatrixF next, z;
+      MESORIG_RETURN_IF_ERROR(MultiplyNewest(z, &next));
+      MatrixD gram(z.cols, z.cols);
+      AddGram(z, gram);
       std::vector<double> energies;
       MESORIG_RETURN_IF_ERROR(SymmetricEigen(gram, energies));
       double captured = 0;
@@ -232,23 +367,100 @@ class Sketch {
     return OkStatus();
   }
 
-  // B = A Q = (U' R'), R = U'' sigma V''^T; U = U' U'', V = Q V''.
-  StatusOr<TruncatedSvd> Finish(SvdMethod method) {
-    MatrixF b(source_.rows(), width_);
-    MESORIG_RETURN_IF_ERROR(blocks_.ForEach([&](int64_t first, ViewF block) {
-      MultiplyInto(block, false, q_, false, 0.0f, b.values.data() + first, b.rows);
+  // The columns of the basis whose products are not in b_ yet.
+  ViewF Newest() const {
+    return {q_.Column(b_.cols), q_.rows, q_.cols - b_.cols, q_.rows};
+  }
+
+  // z = A q, and next = A^T z where it is asked for.
+  Status MultiplyNewest(MatrixF& z, MatrixF* next) {
+    const ViewF newest = Newest();
+    z = MatrixF(source_.rows(), newest.cols);
+    Sums<float> sums(next == nullptr ? 0 : blocks_.workers(), q_.rows, newest.cols);
+    MESORIG_RETURN_IF_ERROR(blocks_.ForEach([&](int worker, int64_t first, ViewF block) {
+      MultiplyInto(block, false, newest, false, 0.0f, z.values.data() + first, z.rows);
+      if (next == nullptr) return OkStatus();
+      MatrixF& sum = sums.of(worker);
+      MultiplyInto(block, true, {z.values.data() + first, block.rows, z.cols, z.rows}, false, 1.0f,
+                   sum.values.data(), sum.rows);
       return OkStatus();
     }));
+    if (next != nullptr) *next = sums.Total();
+    return OkStatus();
+  }
+
+  // Appends z to b_, and the products with it to gram_ = b_^T b_.
+  void AddProducts(const MatrixF& z) {
+    b_.rows = z.rows;
+    b_.cols += z.cols;
+    b_.values.insert(b_.values.end(), z.values.begin(), z.values.end());
+    MatrixD cross(b_.cols, z.cols);
+    AddProduct(b_, z, cross);
+    MatrixD gram(b_.cols, b_.cols);
+    for (int64_t j = 0; j < gram_.cols; ++j) std::copy_n(gram_.Column(j), gram_.rows, gram.Column(j));
+    for (int64_t j = 0; j < z.cols; ++j) {
+      for (int64_t i = 0; i < b_.cols; ++i) {
+        gram(i, gram_.cols + j) = gram(gram_.cols + j, i) = cross(i, j);
+      }
+    }
+    gram_ = std::move(gram);
+  }
+
+  // Appends to the basis an orthonormal basis of what `next` adds to its span. Gram and Schmidt twice;
+  // where little is left of `next` that is not enough, and all of it is done by reflections.
+  Status Extend(MatrixF next) {
+    for (int round = 0; round < 2 && q_.cols > 0; ++round) {
+      MatrixF known = Multiply(q_, true, next, false);
+      for (float& x : known.values) x = -x;
+      MultiplyInto(q_, false, known, false, 1.0f, next.values.data(), next.rows);
+      MESORIG_RETURN_IF_ERROR(Orthonormalise(next));
+    }
+    if (q_.cols == 0) MESORIG_RETURN_IF_ERROR(Orthonormalise(next));
+    const int64_t known = q_.cols;
+    MatrixD cross(known, next.cols);
+    if (known > 0) AddProduct(q_, next, cross);
+    q_.rows = next.rows;
+    q_.cols += next.cols;
+    q_.values.insert(q_.values.end(), next.values.begin(), next.values.end());
+    if (std::all_of(cross.values.begin(), cross.values.end(),
+                    [](double x) { return std::abs(x) < kOrthogonal; })) {
+      return OkStatus();
+    }
+    return Straighten(q_);
+  }
+
+  // Orthonormal columns that stand where nearly orthonormal ones stood.
+  static Status Straighten(MatrixF& q) {
     MatrixF r;
-    MESORIG_RETURN_IF_ERROR(Orthonormalise(b, &r));
+    MESORIG_RETURN_IF_ERROR(Orthonormalise(q, &r));
+    for (int64_t j = 0; j < q.cols; ++j) {
+      if (r(j, j) > 0) continue;
+      for (int64_t i = 0; i < q.rows; ++i) q(i, j) = -q(i, j);
+    }
+    return OkStatus();
+  }
+
+  // B = A Q; W the leading eigenvectors of B^T B; B W = U' R, R = U'' sigma V''^T; U = U' U'',
+  // V = Q W V''.
+  StatusOr<TruncatedSvd> Finish(SvdMethod method) {
+    if (Newest().cols > 0) {
+      MatrixF z;
+      MESORIG_RETURN_IF_ERROR(MultiplyNewest(z, nullptr));
+      AddProducts(z);
+    }
+    std::vector<double> energies;
+    MESORIG_RETURN_IF_ERROR(SymmetricEigen(gram_, energies));
+    const MatrixF w = FirstColumns(gram_, rank_);
+    MatrixF u = Multiply(b_, false, w, false), r;
+    MESORIG_RETURN_IF_ERROR(Orthonormalise(u, &r));
     MatrixD wide(r.rows, r.cols);
     std::copy(r.values.begin(), r.values.end(), wide.values.begin());
     MESORIG_ASSIGN_OR_RETURN(Svd svd, ThinSvd(std::move(wide)));
     TruncatedSvd result;
-    result.u = Multiply(b, false, FirstColumns(svd.u, rank_), false);
-    result.v = Multiply(q_, false, FirstColumns(svd.v, rank_), false);
-    svd.sigma.resize(static_cast<size_t>(rank_));
-    double square = reading_.square;
+    result.u = Multiply(u, false, FirstColumns(svd.u, rank_), false);
+    result.v = Multiply(Multiply(q_, false, w, false), false, FirstColumns(svd.v, rank_), false);
+    MESORIG_RETURN_IF_ERROR(Straighten(result.v));
+    const double square = reading_.square;
     result.residual = Residual(square, svd.sigma);
     for (double& s : svd.sigma) s /= blocks_.scale();
     result.sigma = std::move(svd.sigma);
@@ -263,7 +475,9 @@ class Sketch {
   int64_t rank_, width_;
   Blocks blocks_;
   Reading reading_;
-  MatrixF q_;
+  MatrixF q_;     // the basis, orthonormal columns
+  MatrixF b_;     // A times its first columns
+  MatrixD gram_;  // b_^T b_
   int power_steps_ = 0;
 };
 

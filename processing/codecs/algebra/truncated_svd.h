@@ -6,8 +6,11 @@
 // - Gram: eigenvectors of the Gram matrix of the shorter side, in double, where that side is short
 //   beside the rank. Where the spectrum falls by more than what squaring leaves visible (1e-5), the
 //   basis is re-orthogonalised in power steps;
-// - randomised (Halko, Martinsson and Tropp 2011, Alg. 4.4): a Gaussian sketch, then power steps
-//   Q <- orth(A^T (A Q)), each one reading of the matrix, until the residual stands still.
+// - randomised (Halko, Martinsson and Tropp 2011, Alg. 4.4; Musco and Musco 2015): a sketch (of a large
+//   matrix by signed sums of its rows, Clarkson and Woodruff 2013, else Gaussian), then power steps,
+//   each one reading of the matrix, until the residual stands still. The basis keeps what earlier steps
+//   found (block Krylov: fewer readings for the same error) while it takes less than 256 MB; beyond,
+//   Q <- orth(A^T (A Q)).
 // All end with B = A Q, its QR and the decomposition of the small triangle: U and V are orthonormal
 // to rounding at any condition number.
 
@@ -18,15 +21,14 @@
 
 namespace mesorig::codecs::algebra {
 
-// A rows x cols matrix, given in blocks of rows. Read several times, one block at a time, by the
-// thread that decomposes.
+// A rows x cols matrix, given in blocks of rows. Read several times, by several threads at once.
 class RowSource {
  public:
   virtual ~RowSource() = default;
   virtual int64_t rows() const = 0;
   virtual int64_t cols() const = 0;
   // Rows [first, first + count), as a view of the source's own memory or of `scratch`, which has
-  // room for count * cols values. Valid until the next call.
+  // room for count * cols values and is the caller's alone. Valid until the next call with that scratch.
   virtual StatusOr<ViewF> Rows(int64_t first, int64_t count, float* scratch) const = 0;
 };
 
@@ -48,12 +50,13 @@ enum class SvdMethod { kAutomatic, kDirect, kGram, kRandomised };
 
 struct SvdOptions {
   int64_t rank = 8;           // at most min(rows, cols) are returned
-  int64_t oversampling = 8;
+  int64_t oversampling = 16;
   int max_power_steps = 8;
-  // Power steps end when one of them lowers the residual of `rank` terms by less than this fraction.
+  // Power steps end when another one would lower the residual of `rank` terms by less than this
+  // fraction; never below 0.
   double stop = 0.003;
   uint64_t seed = 1;
-  int64_t block_bytes = int64_t{64} << 20;  // memory beside the factors: about two blocks
+  int64_t block_bytes = int64_t{64} << 20;  // memory beside the factors: about a block a thread
   SvdMethod method = SvdMethod::kAutomatic;
 };
 
