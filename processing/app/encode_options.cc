@@ -57,6 +57,8 @@ void AddEncodeOptions(CLI::App* command, codecs::EncodeOptions& options) {
       ->check(CLI::PositiveNumber);
   command->add_flag("--solid-angle", options.solid_angle,
                     "pairs weigh by the solid angle that their directions stand for");
+  command->add_flag("--variance", options.variance,
+                    "samples weigh by the inverse of the variances that the file holds");
   AddNegativeOption(command, options.clamp_negative);
   command
       ->add_option_function<std::string>(

@@ -18,6 +18,7 @@ namespace {
 constexpr std::array<const char*, 3> kRgb = {"R", "G", "B"};
 
 std::string LightChannel(int light, size_t rgb) { return fmt::format("L{:03}.{}", light, kRgb[rgb]); }
+std::string VarianceChannel(int light) { return fmt::format("L{:03}.V", light); }
 
 // Part 0 of `reader`, mask included.
 StatusOr<BtfFileInfo> ReadInfo(const ExrReader& reader) {
@@ -130,6 +131,8 @@ Status ReadView(const ExrReader& reader, const BtfFileInfo& info, int part, int 
   for (const int l : lights) {
     float* const image = btf.MutableImage(view, l).data();
     for (size_t c = 0; c < 3; ++c) slices.push_back({LightChannel(l, c), image + c, 3, 3 * width});
+    if (!btf.has_variance()) continue;
+    slices.push_back({VarianceChannel(l), btf.MutableVariance(view, l).data(), 1, width});
   }
   MESORIG_RETURN_IF_ERROR(reader.ReadPart(part, slices));
   const auto scale = static_cast<float>(info.value_scale);
@@ -140,6 +143,12 @@ Status ReadView(const ExrReader& reader, const BtfFileInfo& info, int part, int 
         return InvalidArgument("{}: view {}, light {} holds a value that is not finite",
                                reader.name(), view, l);
       }
+    }
+    if (!btf.has_variance()) continue;
+    for (const float variance : btf.Variance(view, l)) {
+      if (variance >= 0 && std::isfinite(variance)) continue;
+      return InvalidArgument("{}: view {}, light {} holds a variance of {}, which is none",
+                             reader.name(), view, l, variance);
     }
   }
   return OkStatus();
@@ -185,6 +194,7 @@ Status WriteSampledBtf(const SampledBtf& btf, const std::filesystem::path& path)
     part.height = info.header.height;
     for (const int l : lights) {
       for (size_t c = 0; c < 3; ++c) part.channels.push_back({LightChannel(l, c)});
+      if (btf.has_variance()) part.channels.push_back({VarianceChannel(l), /*half=*/false});
     }
     parts.push_back(std::move(part));
     views.emplace_back(v, lights);
@@ -196,9 +206,16 @@ Status WriteSampledBtf(const SampledBtf& btf, const std::filesystem::path& path)
                   [&](size_t part, size_t channel, std::vector<float>& values) {
                     if (part == 0) return preview(part, channel, values);
                     const auto& [v, lights] = views[part];
-                    const auto image = btf.Image(v, lights[channel / 3]);
+                    const size_t of_light = btf.has_variance() ? 4 : 3;
+                    const int light_of = lights[channel / of_light];
+                    if (channel % of_light == 3) {
+                      const auto variance = btf.Variance(v, light_of);
+                      std::copy(variance.begin(), variance.end(), values.begin());
+                      return;
+                    }
+                    const auto image = btf.Image(v, light_of);
                     for (size_t i = 0; i < values.size(); ++i) {
-                      values[i] = image[3 * i + channel % 3] * inverse;
+                      values[i] = image[3 * i + channel % of_light] * inverse;
                     }
                   });
 }
@@ -214,6 +231,7 @@ StatusOr<SampledBtf> ReadSampledBtf(const std::filesystem::path& path) {
   MESORIG_RETURN_IF_ERROR(CheckDenseMemory(info.header, path));
   MESORIG_RETURN_IF_ERROR(CheckDeclared(info, path));
   SampledBtf btf(info.header);
+  bool any_read = false;  // the first part says whether there are variances
   for (int v = 0; v < info.header.view_count(); ++v) {
     bool any = false;
     for (int l = 0; l < info.header.light_count(); ++l) {
@@ -226,6 +244,11 @@ StatusOr<SampledBtf> ReadSampledBtf(const std::filesystem::path& path) {
     if (part == parts.end()) {
       return InvalidArgument("{}: part {} is missing", path.string(), ViewPart(v));
     }
+    const int light = PresentLights(btf, v).front();
+    if (!any_read && reader.header(part->second).channels().findChannel(VarianceChannel(light))) {
+      btf.AddVariance();
+    }
+    any_read = true;
     MESORIG_RETURN_IF_ERROR(ReadView(reader, info, part->second, v, btf));
   }
   return btf;

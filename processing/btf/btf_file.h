@@ -1,7 +1,8 @@
 #pragma once
 // `*.btf.exr`: multi-part OpenEXR that ordinary viewers open (DESIGN, "Files"). Part 0 is a
 // preview picture and alone carries the attributes; an uncompressed BTF has parts V000... with
-// channels L000.R/G/B (half, ZIPS), channels of absent lights left out; a codec stores its factors
+// channels L000.R/G/B (half, ZIPS), channels of absent lights left out, and where they are known the
+// variances L000.V (float, sr^-2, without value_scale; all pairs or none); a codec stores its factors
 // as named parts. A file is whole or absent.
 
 #include <filesystem>

@@ -76,6 +76,18 @@ class SampledBtf {
   std::span<float> MutableImage(int view, int light) {
     return {values_.data() + PairIndex(view, light) * image_size(), image_size()};
   }
+  // How far the values can be trusted, where that is known: the variance of a texel's R, G and B (its
+  // mean over the three), sr^-2, W*H values a pair. There are none before AddVariance, which makes all 0.
+  bool has_variance() const { return !variance_.empty(); }
+  void AddVariance() { variance_.assign(present_.size() * header_.texel_count(), 0.0f); }
+  std::span<const float> Variance(int view, int light) const {
+    return {variance_.data() + PairIndex(view, light) * header_.texel_count(),
+            header_.texel_count()};
+  }
+  std::span<float> MutableVariance(int view, int light) {
+    return {variance_.data() + PairIndex(view, light) * header_.texel_count(),
+            header_.texel_count()};
+  }
   size_t image_size() const { return header_.texel_count() * 3; }
   size_t PairIndex(int view, int light) const {
     return static_cast<size_t>(view) * header_.lights.size() + static_cast<size_t>(light);
@@ -84,7 +96,7 @@ class SampledBtf {
  private:
   BtfHeader header_;
   std::vector<uint8_t> present_;
-  std::vector<float> values_;
+  std::vector<float> values_, variance_;
 };
 
 }  // namespace mesorig::btf

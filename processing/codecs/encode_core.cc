@@ -72,6 +72,10 @@ Status CheckEncodable(const btf::SampledBtf& btf, const EncodeOptions& options,
     return refuse("relative weighting");
   }
   if (options.solid_angle && (takes & kWeighting) == 0) return refuse("solid-angle weights");
+  if (options.variance && (takes & kWeighting) == 0) return refuse("weights from variances");
+  if (options.variance && !btf.has_variance()) {
+    return InvalidArgument("weights from variances: the BTF has none (channels L000.V...)");
+  }
   if (options.quantisation && (takes & kQuantisation) == 0) return refuse("choice of quantisation");
   if (!(options.floor >= 0 && options.floor <= 1e30)) {
     return InvalidArgument("floor {}, permitted are 0 to 1e30", options.floor);

@@ -23,6 +23,7 @@ struct EncodeOptions {
   Weighting weighting = Weighting::kLinear;
   double floor = 0;           // of log and relative, in the BTF's unit; 0: a hundredth of the RMS
   bool solid_angle = false;   // pairs weigh by the solid angle of their directions
+  bool variance = false;      // samples weigh by the BTF's variances (linear/sample_weights.h)
   bool clamp_negative = false;  // EncodeBtf: decoders show what is below zero as zero (clamped.h)
   std::optional<Quantisation> quantisation;  // nothing: half; float for kAllTerms
   int64_t block_bytes = int64_t{64} << 20;   // working memory of a factorisation, about
@@ -32,7 +33,7 @@ struct EncodeOptions {
 enum OptionSet : unsigned {
   kNoOptions = 0,
   kClusters = 1,
-  kWeighting = 2,      // linear and relative, solid angle
+  kWeighting = 2,      // linear and relative, solid angle, variance
   kLogWeighting = 4,
   kQuantisation = 8,
 };

@@ -115,7 +115,7 @@ class HfEncoder final : public Encoder {
     encoding.floor = floor;
     const per_texel::ChainFitter fitter(btf.header(), InfoOf(btf, name(), 1).present,
                                         encoding.stages);
-    const std::vector<float> weights = per_texel::SquareWeights(btf, options, fitter);
+    const std::vector<float> weights = per_texel::SquareWeights(btf, options, fitter, floor);
     const LogFit fit(btf.header(), fitter, weights, floor);
     return per_texel::EncodeChain(btf, log, encoding, *this, fit);
   }

@@ -100,6 +100,7 @@ std::string OptionsJson(const EncodeOptions& options, Quantisation quantisation,
                         const std::vector<std::pair<std::string, int>>& counts) {
   nlohmann::json json{{"weighting", NameOf(options.weighting)},
                       {"solid_angle", options.solid_angle},
+                      {"variance", options.variance},
                       {"quantisation", NameOf(quantisation)}};
   for (const auto& [what, count] : counts) json[what] = count;
   if (options.weighting != Weighting::kLinear) json["floor"] = floor;

@@ -8,6 +8,8 @@ namespace {
 
 constexpr int kPointsPerDirection = 64, kMaxPoints = 40000;
 constexpr double kLeastShare = 0.02;  // of the mean: no direction vanishes
+constexpr double kTogether = 2e-3;     // rad: directions that are one, but for the encoders of the rig
+constexpr double kVarianceFloor = 0.01;  // of the mean variance
 constexpr double kFloorOfRms = 0.01, kWideFloorOfRms = 0.25;
 
 // Mean squares of the BTF by texel and by (pair, channel), over what is present.
@@ -64,11 +66,79 @@ std::vector<double> SolidAngleWeights(const std::vector<Vec3>& directions) {
     }
     weights[nearest] += static_cast<double>(n) / points;
   }
-  for (double& w : weights) w = std::max(w, kLeastShare);
-  return weights;
+  // Which of directions that nearly coincide is nearest to a point is chance: they share evenly.
+  std::vector<double> shared(n, 0.0);
+  for (size_t i = 0; i < n; ++i) {
+    double sum = 0, count = 0;
+    for (size_t k = 0; k < n; ++k) {
+      if (Norm(directions[i] - directions[k]) > kTogether) continue;
+      sum += std::max(weights[k], 0.0), count += 1;
+    }
+    shared[i] = std::max(sum, kLeastShare) / count;
+  }
+  return shared;
 }
 
-SampleWeights WeightsFor(const btf::SampledBtf& btf, const EncodeOptions& options) {
+namespace {
+
+// Calls function(texel, pair, variance of what is fitted) for all that is present inside the mask.
+template <typename Function>
+void ForVariances(const btf::SampledBtf& btf, double log_floor, const Function& function) {
+  const btf::BtfHeader& h = btf.header();
+  for (int v = 0; v < h.view_count(); ++v) {
+    for (int l = 0; l < h.light_count(); ++l) {
+      if (!btf.Present(v, l)) continue;
+      const auto variance = btf.Variance(v, l), image = btf.Image(v, l);
+      for (size_t i = 0; i < variance.size(); ++i) {
+        if (!h.InMask(i)) continue;
+        double s = variance[i];
+        if (log_floor > 0) {
+          const double grey = (image[3 * i] + image[3 * i + 1] + image[3 * i + 2]) / 3.0;
+          const double slope = std::max(grey, 0.0) + log_floor;
+          s /= slope * slope;
+        }
+        function(i, btf.PairIndex(v, l), s);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+VarianceWeights WeightsOfVariance(const btf::SampledBtf& btf, const EncodeOptions& options,
+                                  double log_floor) {
+  const btf::BtfHeader& h = btf.header();
+  VarianceWeights w{std::vector<double>(h.texel_count(), 0.0),
+                    std::vector<double>(h.views.size() * h.lights.size(), 0.0)};
+  double sum = 0, count = 0;
+  ForVariances(btf, log_floor, [&](size_t, size_t, double s) { sum += s, count += 1; });
+  if (!(sum > 0)) return {std::vector<double>(w.texel.size(), 1.0), std::vector<double>(w.pair.size(), 1.0)};
+  const double floor = options.floor > 0 && log_floor <= 0 ? options.floor * options.floor
+                                                           : kVarianceFloor * sum / count;
+  std::vector<double> of_texel(w.texel.size(), 0.0), of_pair(w.pair.size(), 0.0);
+  double mean = 0;
+  ForVariances(btf, log_floor, [&](size_t texel, size_t pair, double s) {
+    const double log = -std::log(s + floor);
+    w.texel[texel] += log, of_texel[texel] += 1;
+    w.pair[pair] += log, of_pair[pair] += 1;
+    mean += log / count;
+  });
+  const auto finish = [mean](std::vector<double>& logs, const std::vector<double>& counts) {
+    for (size_t i = 0; i < logs.size(); ++i) {
+      logs[i] = counts[i] > 0 ? std::exp(logs[i] / counts[i] - mean) : 1;
+    }
+  };
+  finish(w.texel, of_texel);
+  finish(w.pair, of_pair);
+  return w;
+}
+
+bool WeighsPairs(const EncodeOptions& options) {
+  return options.weighting == Weighting::kRelative || options.solid_angle || options.variance;
+}
+
+SampleWeights WeightsFor(const btf::SampledBtf& btf, const EncodeOptions& options,
+                         double log_floor) {
   const btf::BtfHeader& h = btf.header();
   SampleWeights w{std::vector<float>(h.texel_count(), 1.0f),
                   std::vector<float>(3 * h.views.size() * h.lights.size(), 1.0f)};
@@ -88,6 +158,16 @@ SampleWeights WeightsFor(const btf::SampledBtf& btf, const EncodeOptions& option
   }
   for (size_t i = 0; i < w.texel.size(); ++i) {
     if (!h.InMask(i)) w.texel[i] *= kOutsideMask;
+  }
+  if (options.variance) {
+    const VarianceWeights of =
+        WeightsOfVariance(btf, options, options.weighting == Weighting::kLog ? w.floor : log_floor);
+    for (size_t i = 0; i < w.texel.size(); ++i) {
+      w.texel[i] *= static_cast<float>(std::sqrt(of.texel[i]));
+    }
+    for (size_t i = 0; i < w.sample.size(); ++i) {
+      w.sample[i] *= static_cast<float>(std::sqrt(of.pair[i / 3]));
+    }
   }
   if (!options.solid_angle) return w;
   const std::vector<double> views = SolidAngleWeights(h.views), lights = SolidAngleWeights(h.lights);
@@ -111,8 +191,7 @@ SeparateWeights SeparateWeightsFor(const btf::SampledBtf& btf, const EncodeOptio
   SampleWeights samples = WeightsFor(btf, options);
   SeparateWeights w{std::vector<float>(views, 1.0f), std::vector<float>(lights, 1.0f),
                     std::move(samples.texel), samples.floor};
-  w.plain = options.weighting != Weighting::kRelative && !options.solid_angle &&
-            btf.header().mask.empty();
+  w.plain = !WeighsPairs(options) && btf.header().mask.empty();
   const auto fit = [&](std::vector<float>& to, size_t v_step, size_t l_step) {
     std::vector<double> sums(to.size(), 0.0), counts(to.size(), 0.0);
     for (size_t v = 0; v < views; ++v) {

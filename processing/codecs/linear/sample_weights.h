@@ -12,15 +12,34 @@ namespace mesorig::codecs {
 // direction; their mean is 1. Directions that nearly coincide share what one of them would have.
 std::vector<double> SolidAngleWeights(const std::vector<Vec3>& directions);
 
+// How far samples can be trusted, from the variance s(x, v, l) that the BTF holds:
+//
+//   weight of a squared residual  W = 1 / (s + f),  f = options.floor^2, else a hundredth of the mean s
+//
+// (without f a sample that happens to have no variance would be all that counts). A factorisation takes
+// a weight a texel times a weight a pair: the product nearest to W in the logarithm, which is W itself
+// where noise depends on the texel alone, on the directions alone, or is a product of both. `log_floor`
+// above 0: what is fitted is log(value + log_floor), whose variance is s / (value + log_floor)^2.
+// Both have a geometric mean of 1 over what is present inside the mask; all 1 where s is 0 everywhere.
+struct VarianceWeights {
+  std::vector<double> texel, pair;  // of squared residuals; pair = v * nL + l
+};
+VarianceWeights WeightsOfVariance(const btf::SampledBtf& btf, const EncodeOptions& options,
+                                  double log_floor);
+
 struct SampleWeights {
   std::vector<float> texel;    // W*H; positive
   std::vector<float> sample;   // pair * 3 + channel, pair = v * nL + l; positive
   double floor = 0;            // of log and relative; 0 for linear
 };
-// What options.weighting and options.solid_angle ask for. Reads the BTF once or twice. Texels outside
-// the mask get kOutsideMask times their weight.
+// What options.weighting, options.solid_angle and options.variance ask for: of residuals, not of their
+// squares. Reads the BTF up to four times. Texels outside the mask get kOutsideMask times their weight.
+// `log_floor`: of codecs that fit a logarithm whatever the weighting.
 inline constexpr float kOutsideMask = 1e-3f;
-SampleWeights WeightsFor(const btf::SampledBtf& btf, const EncodeOptions& options);
+SampleWeights WeightsFor(const btf::SampledBtf& btf, const EncodeOptions& options,
+                         double log_floor = 0);
+// Whether options ask for weights of pairs at all.
+bool WeighsPairs(const EncodeOptions& options);
 
 // The floor of codecs that know nothing but the logarithm (hf, dfmf): options.floor, else a quarter of
 // the RMS; shadows whose logarithm falls without end would take all the factors' freedom (the demo's

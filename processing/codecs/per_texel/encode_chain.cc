@@ -44,10 +44,10 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const btf::SampledBtf& btf,
 }
 
 std::vector<float> SquareWeights(const btf::SampledBtf& btf, const EncodeOptions& options,
-                                 const ChainFitter& fitter) {
+                                 const ChainFitter& fitter, double log_floor) {
   std::vector<float> squares(3 * fitter.pairs().size(), 1.0f);
-  if (options.weighting != Weighting::kRelative && !options.solid_angle) return squares;
-  const SampleWeights weights = WeightsFor(btf, options);
+  if (!WeighsPairs(options)) return squares;
+  const SampleWeights weights = WeightsFor(btf, options, log_floor);
   for (size_t i = 0; i < squares.size(); ++i) {
     const float w = weights.sample[3 * fitter.pairs()[i / 3] + i % 3];
     squares[i] = w * w;

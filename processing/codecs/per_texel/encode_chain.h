@@ -41,9 +41,9 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const btf::SampledBtf& btf,
                                                   const ChainEncoding& encoding,
                                                   const Encoder& encoder, const FitBlock& fit);
 
-// Weights of squares that options ask for: [present pair][rgb], 1 without.
+// Weights of squares that options ask for: [present pair][rgb], 1 without. `log_floor` as WeightsFor.
 std::vector<float> SquareWeights(const btf::SampledBtf& btf, const EncodeOptions& options,
-                                 const ChainFitter& fitter);
+                                 const ChainFitter& fitter, double log_floor = 0);
 
 // The leading singular triplets of one texel's matrix of views x (light, channel) into stage 0, whose
 // axes must be view and light: P = U, Q = sigma V. What is absent counts as the texel's mean.

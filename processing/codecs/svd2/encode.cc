@@ -2,6 +2,7 @@
 
 #include "processing/codecs/encoder.h"
 #include "processing/codecs/linear/pack_factors.h"
+#include "processing/codecs/linear/sample_weights.h"
 #include "processing/codecs/per_texel/encode_chain.h"
 
 namespace mesorig::codecs::svd2 {
@@ -31,7 +32,7 @@ class Svd2Encoder final : public Encoder {
     per_texel::ChainFitter fitter(btf.header(), InfoOf(btf, name(), 1).present, encoding.stages);
     const std::vector<float> weights = per_texel::SquareWeights(btf, options, fitter);
     const bool plain = btf.present_count() == btf.header().views.size() * btf.header().lights.size() &&
-                       options.weighting == Weighting::kLinear && !options.solid_angle;
+                       !WeighsPairs(options);
     return per_texel::EncodeChain(
         btf, options, encoding, *this, [&](const per_texel::TexelBlock& block) -> Status {
           for (size_t i = 0; i < block.texels; ++i) {

@@ -157,6 +157,7 @@ class ViewSvdEncoder final : public Encoder {
     info.codec_options_json = nlohmann::json{{"terms", terms},
                                             {"weighting", NameOf(options.weighting)},
                                             {"solid_angle", options.solid_angle},
+                                            {"variance", options.variance},
                                             {"quantisation", NameOf(quantisation)}}
                                  .dump();
     MESORIG_ASSIGN_OR_RETURN(auto encoded,

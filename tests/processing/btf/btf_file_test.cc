@@ -194,5 +194,36 @@ TEST(PreviewPair, PrefersTheZenithAndOnlyWhatIsPresent) {
   EXPECT_NE(PreviewPair(header, present).first, 0);
 }
 
+TEST(BtfFile, VariancesAreKept) {
+  TemporaryFolder folder;
+  SampledBtf btf =
+      SyntheticBtf(SmallHeader(5, 4, RingDirections(1, 3, 40), RingDirections(1, 4, 40)), 0.2);
+  btf.AddVariance();
+  for (int v = 0; v < 4; ++v) {
+    for (int l = 0; l < 5; ++l) {
+      for (size_t i = 0; i < 20; ++i) {
+        btf.MutableVariance(v, l)[i] = 1e-7f * static_cast<float>(1 + i + 20 * v + 80 * l);
+      }
+    }
+  }
+  ASSERT_TRUE(WriteSampledBtf(btf, folder / "a").ok());
+  const auto read = ReadSampledBtf(folder / "a");
+  ASSERT_TRUE(read.ok()) << read.status();
+  ASSERT_TRUE(read->has_variance());
+  for (int v = 0; v < 4; ++v) {
+    for (int l = 0; l < 5; ++l) {
+      if (!btf.Present(v, l)) continue;
+      EXPECT_TRUE(std::ranges::equal(read->Variance(v, l), btf.Variance(v, l)));
+      EXPECT_NEAR(read->Image(v, l)[7], btf.Image(v, l)[7], 1e-3);
+    }
+  }
+  EXPECT_FALSE(ReadSampledBtf(folder / "a")->Variance(0, 0).empty());
+  const auto [view, light] = PreviewPair(btf.header(), ReadBtfInfo(folder / "a")->present);
+  btf.MutableVariance(view, light)[3] = -1;
+  ASSERT_TRUE(WriteSampledBtf(btf, folder / "b").ok());
+  const Status refused = ReadSampledBtf(folder / "b").status();
+  EXPECT_NE(Message(refused).find("holds a variance of -1"), std::string_view::npos) << refused;
+}
+
 }  // namespace
 }  // namespace mesorig::btf
