@@ -13,7 +13,7 @@
 namespace mesorig::processing {
 namespace {
 
-constexpr double kDifferenceGain = 4;
+constexpr double kDifferenceGain = 2;
 constexpr int kPictureWidth = 320;  // of one apparent BRDF, about: pairs become squares
 
 StatusOr<std::vector<const codecs::Encoder*>> Chosen(const std::vector<std::string>& names) {
@@ -26,17 +26,44 @@ StatusOr<std::vector<const codecs::Encoder*>> Chosen(const std::vector<std::stri
   return encoders;
 }
 
-// The apparent BRDF of the middle texel: a row a view, a column a light; absent pairs are black.
-std::vector<float> Abrdf(const btf::BtfHeader& h, const std::vector<uint8_t>& present,
-                         const std::function<std::span<const float>(int, int)>& image) {
-  const size_t texel = static_cast<size_t>(h.height / 2) * static_cast<size_t>(h.width) +
-                       static_cast<size_t>(h.width / 2);
-  std::vector<float> pixels(3 * present.size(), 0.0f);
+// A dark texel, one of middle brightness and a bright one: the tenths 1, 5 and 9 of all inside the mask.
+std::vector<size_t> TypicalTexels(const btf::SampledBtf& btf) {
+  const btf::BtfHeader& h = btf.header();
+  std::vector<double> sums(h.texel_count(), 0.0);
+  for (int v = 0; v < h.view_count(); ++v) {
+    for (int l = 0; l < h.light_count(); ++l) {
+      if (!btf.Present(v, l)) continue;
+      const auto image = btf.Image(v, l);
+      for (size_t i = 0; i < image.size(); ++i) sums[i / 3] += image[i];
+    }
+  }
+  std::vector<size_t> texels;
+  for (size_t i = 0; i < sums.size(); ++i) {
+    if (h.InMask(i)) texels.push_back(i);
+  }
+  std::stable_sort(texels.begin(), texels.end(), [&](size_t a, size_t b) { return sums[a] < sums[b]; });
+  std::vector<size_t> chosen;
+  for (const size_t tenth : {1, 5, 9}) {
+    if (texels.empty()) break;
+    const size_t texel = texels[tenth * (texels.size() - 1) / 10];
+    if (std::count(chosen.begin(), chosen.end(), texel) == 0) chosen.push_back(texel);
+  }
+  return chosen;
+}
+
+// The apparent BRDFs of these texels, one below the other: a row a view, a column a light; absent pairs
+// are black.
+std::vector<float> Abrdfs(const btf::BtfHeader& h, const std::vector<uint8_t>& present,
+                          const std::vector<size_t>& texels,
+                          const std::function<std::span<const float>(int, int)>& image) {
+  std::vector<float> pixels(3 * present.size() * texels.size(), 0.0f);
   for (size_t pair = 0; pair < present.size(); ++pair) {
     if (present[pair] == 0) continue;
     const auto from = image(static_cast<int>(pair / h.lights.size()),
                             static_cast<int>(pair % h.lights.size()));
-    std::copy_n(from.data() + 3 * texel, 3, pixels.data() + 3 * pair);
+    for (size_t t = 0; t < texels.size(); ++t) {
+      std::copy_n(from.data() + 3 * texels[t], 3, pixels.data() + 3 * (t * present.size() + pair));
+    }
   }
   return pixels;
 }
@@ -58,25 +85,26 @@ std::vector<float> Enlarged(const std::vector<float>& rgb, int width, int factor
   return large;
 }
 
-// Original, decoded and the difference (grey is none), side by side.
-Status WriteAbrdf(const btf::SampledBtf& btf, const codecs::EncodedBtf& encoded,
-                  const std::filesystem::path& png) {
+// Original, decoded and the difference (white is none), side by side.
+Status WriteAbrdfs(const btf::SampledBtf& btf, const codecs::EncodedBtf& encoded,
+                   const std::vector<size_t>& texels, const std::filesystem::path& png) {
   const btf::BtfHeader& h = btf.header();
   std::vector<float> decoded(btf.image_size());
   const std::vector<float> a =
-      Abrdf(h, encoded.info().present, [&](int v, int l) { return btf.Image(v, l); });
-  const std::vector<float> b = Abrdf(h, encoded.info().present, [&](int v, int l) {
+      Abrdfs(h, encoded.info().present, texels, [&](int v, int l) { return btf.Image(v, l); });
+  const std::vector<float> b = Abrdfs(h, encoded.info().present, texels, [&](int v, int l) {
     encoded.DecodeImage(v, l, decoded);
     return std::span<const float>(decoded);
   });
   const double exposure = ExposureOf(a);
   std::vector<float> difference(a.size());
   for (size_t i = 0; i < a.size(); ++i) {
-    difference[i] = static_cast<float>(0.2 + kDifferenceGain * exposure * (b[i] - a[i]));
+    difference[i] = static_cast<float>(1 - kDifferenceGain * exposure * std::abs(b[i] - a[i]));
   }
   const auto picture = [&](const std::vector<float>& values, double e) {
     const int factor = std::max(1, kPictureWidth / h.light_count());
-    return PictureOf(h.light_count() * factor, h.view_count() * factor,
+    const auto rows = static_cast<int>(texels.size()) * h.view_count();
+    return PictureOf(h.light_count() * factor, rows * factor,
                      Enlarged(values, h.light_count(), factor), e, !h.calibrated);
   };
   return WritePng(SideBySide(SideBySide(picture(a, exposure), picture(b, exposure)),
@@ -91,6 +119,7 @@ report::BenchRow RowOf(const codecs::BenchPoint& point, const codecs::BenchResul
   row.label = point.label;
   row.options_json = result.options_json;
   row.rel_error = result.errors.rel_error;
+  row.rmse = result.errors.rmse;
   row.psnr_db = result.errors.psnr_db;
   row.p99_abs = result.errors.p99_abs;
   row.max_abs = result.errors.max_abs;
@@ -108,6 +137,25 @@ std::string FileNameOf(const report::BenchRow& row) {
   std::string name = "abrdf_" + row.series + (row.label.empty() ? "" : "_" + row.label) + ".png";
   std::erase_if(name, [](char c) { return c == ',' || c == ' '; });
   return name;
+}
+
+// RMS errors of fmf at powers of two of terms.
+Status AddMaterial(const std::filesystem::path& file, int most_terms,
+                   std::vector<report::BenchRow>& rows) {
+  MESORIG_ASSIGN_OR_RETURN(const codecs::Encoder* fmf, codecs::FindEncoder("fmf"));
+  MESORIG_ASSIGN_OR_RETURN(const btf::SampledBtf btf, btf::ReadSampledBtf(file));
+  codecs::EncodeOptions options;
+  const int most = std::min(most_terms, fmf->max_terms(btf));
+  for (options.terms = 1; options.terms <= most; options.terms *= 2) {
+    const auto encoded = codecs::EncodeBtf(*fmf, btf, options);
+    if (!encoded.ok()) return Annotate(encoded.status(), file.string());
+    report::BenchRow row;
+    row.codec = row.series = file.stem().stem().string();
+    row.label = fmt::format("{}", options.terms);
+    row.rmse = codecs::MeasureDecoded(**encoded, btf).rmse;
+    rows.push_back(std::move(row));
+  }
+  return OkStatus();
 }
 
 void PrintRow(const report::BenchRow& r) {
@@ -162,6 +210,8 @@ Status Bench(const BenchCommand& command) {
   report.peak = btf::PsnrPeak(h);
   report.calibrated = h.calibrated;
   report.file_bytes = static_cast<double>(std::filesystem::file_size(command.from));
+  if (!command.error_limits.empty()) report.error_limits = command.error_limits;
+  const std::vector<size_t> texels = TypicalTexels(btf);
   if (!command.json) PrintHead();
   for (size_t i = 0; i < points.size(); ++i) {
     progress.Show(static_cast<double>(i) / static_cast<double>(points.size()));
@@ -176,10 +226,14 @@ Status Bench(const BenchCommand& command) {
     if (by_angle.ok()) row.by_angle = *by_angle;
     if (command.out) {
       row.picture = FileNameOf(row);
-      MESORIG_RETURN_IF_ERROR(WriteAbrdf(btf, *measured->encoded, *command.out / *row.picture));
+      MESORIG_RETURN_IF_ERROR(
+          WriteAbrdfs(btf, *measured->encoded, texels, *command.out / *row.picture));
     }
     if (!command.json) PrintRow(row);
     report.rows.push_back(std::move(row));
+  }
+  for (const std::filesystem::path& material : command.materials) {
+    MESORIG_RETURN_IF_ERROR(AddMaterial(material, command.most_terms, report.materials));
   }
   if (command.out) {
     MESORIG_ASSIGN_OR_RETURN(const auto skipped, report::WriteBench(report, *command.out));

@@ -16,6 +16,8 @@ struct BenchCommand {
   std::optional<std::filesystem::path> out;   // folder for bench.html, bench.json, plots, pictures
   int most_terms = 64;
   bool clamp_negative = false;                // as EncodeOptions
+  std::vector<double> error_limits;           // of the recommendation; none: the report's own
+  std::vector<std::filesystem::path> materials;  // other BTFs: RMS error against terms alone
   bool json = false;
 };
 // Prints a table, or one JSON object. InvalidArgument for a codec that there is not or one that cannot

@@ -124,6 +124,13 @@ void AddBench(CLI::App& app, Arguments& a) {
       ->check(CLI::Range(1, 4096))
       ->capture_default_str();
   processing::AddNegativeOption(bench, a.bench.clamp_negative);
+  bench->add_option("--errors", a.bench.error_limits,
+                    "relative errors to recommend the smallest and the fastest codec under")
+      ->delimiter(',')
+      ->check(CLI::PositiveNumber);
+  bench->add_option("--materials", a.bench.materials,
+                    "BTF files whose RMS error against terms of fmf is shown in one plot")
+      ->delimiter(',');
   bench->add_option("-o,--out", a.bench.out, "folder to write");
 }
 

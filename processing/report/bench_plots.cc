@@ -11,7 +11,7 @@ namespace {
 
 // Block 0 of the data is the front, each other one a series; a block's first line has its name, and
 // the fifth column of all is 2 * colour + dash: a codec's series share a colour.
-#define MESORIG_BENCH_PLOT(xlabel)                                                          \
+#define MESORIG_BENCH_PLOT(xlabel, ylabel)                                                      \
   "set encoding utf8\n"                                                                     \
   "set terminal pngcairo size 1500,900 font 'sans,20' background rgb 'white' lw 2\n"        \
   "set output 'plot.png'\nset border 3 lc rgb '#808080'\n"                                  \
@@ -22,18 +22,19 @@ namespace {
   "array c[12] = [0x2f6db5,0xd9822b,0x3f9a52,0xb5433a,0x7a5bb0,0x8a6d3b,0x3f9d9d,0xc65f9b,"  \
   "0x505050,0x8fae1b,0x1f3f7f,0xe0b020]\n"                                                  \
   "set logscale xy 10\nset format y '%g'\nset xlabel '" xlabel "'\n"                        \
-  "set ylabel 'relative error'\nset autoscale xfix\nset autoscale yfix\nset offsets graph 0.04,graph 0.04,graph 0.05,graph 0.05\n"  \
+  "set ylabel '" ylabel "'\nset ytics (1,0.7,0.5,0.3,0.2,0.1,0.07,0.05,0.03,0.02,0.01,0.007,"        \
+  "0.005,0.003,0.002,0.001,0.0007,0.0005,0.0003,0.0002,0.0001,1e-5,1e-6)\nset autoscale xfix\nset autoscale yfix\nset offsets graph 0.04,graph 0.04,graph 0.05,graph 0.05\n"  \
   "plot 'data.txt' index 0 using 2:3 with lines lc rgb '#d8d8d8' lw 6 "                     \
   "title columnheader(1), for [i=1:n-1] '' index i using 2:3 with linespoints "             \
   "pt 1+k[i]%15 dt 1+k[i]%2 ps 1.3 lc rgb c[1+k[i]/2%12] title columnheader(1), "           \
   "for [i=1:n-1] '' index i using 2:3:4 with labels font 'sans,13' offset 0.8,0.6 "         \
   "tc rgb '#707070' noenhanced notitle\n"
 
-constexpr std::string_view kBytes = MESORIG_BENCH_PLOT("size, MB");
-constexpr std::string_view kEncode = MESORIG_BENCH_PLOT("encoding, s");
-constexpr std::string_view kAccess = MESORIG_BENCH_PLOT("random access, µs a sample");
-constexpr std::string_view kImages = MESORIG_BENCH_PLOT("whole images, µs a sample");
-constexpr std::string_view kTerms = MESORIG_BENCH_PLOT("terms");
+constexpr std::string_view kBytes = MESORIG_BENCH_PLOT("size, MB", "relative error");
+constexpr std::string_view kEncode = MESORIG_BENCH_PLOT("encoding, s", "relative error");
+constexpr std::string_view kAccess = MESORIG_BENCH_PLOT("random access, µs a sample", "relative error");
+constexpr std::string_view kImages = MESORIG_BENCH_PLOT("whole images, µs a sample", "relative error");
+constexpr std::string_view kTerms = MESORIG_BENCH_PLOT("terms", "RMS error");
 
 double CostOf(const BenchRow& row, const BenchPlot& plot) {
   if (plot.x == nullptr) return std::atof(row.label.c_str());
@@ -58,9 +59,17 @@ const std::vector<BenchPlot>& BenchPlots() {
        kAccess, &BenchRow::access_samples_per_s, 1e6, true, true},
       {"plot_images.png", "Error against the time of one sample in whole images.", kImages,
        &BenchRow::image_samples_per_s, 1e6, true, true},
-      {"plot_terms.png", "Error against the number of terms.", kTerms, nullptr, 1, false, false},
+      {"plot_terms.png", "RMS error against the number of terms (Müller et al. 2004, Fig. 12).",
+       kTerms, nullptr, 1, false, false, &BenchRow::rmse},
   };
   return plots;
+}
+
+const BenchPlot& MaterialsPlot() {
+  static const BenchPlot plot = {"plot_materials.png",
+                                 "RMS error of fmf against the number of terms, a line a material.",
+                                 kTerms, nullptr, 1, false, false, &BenchRow::rmse};
+  return plot;
 }
 
 Status PlotBench(const BenchReport& report, const BenchPlot& plot,
@@ -71,7 +80,8 @@ Status PlotBench(const BenchReport& report, const BenchPlot& plot,
   std::vector<BenchRow> costed;  // with the cost in bytes: the front's rows
   for (const BenchRow& row : report.rows) {
     const double x = CostOf(row, plot);
-    if (!(x > 0) || !(row.rel_error > 0)) continue;
+    const double y = row.*(plot.y);
+    if (!(x > 0) || !(y > 0)) continue;
     const auto codec = std::find(codecs.begin(), codecs.end(), row.codec);
     const size_t look = 2 * static_cast<size_t>(codec - codecs.begin()) + (row.series != row.codec ? 1 : 0);
     if (codec == codecs.end()) codecs.push_back(row.codec);
@@ -79,10 +89,10 @@ Status PlotBench(const BenchReport& report, const BenchPlot& plot,
       names.push_back(row.series);
       blocks[row.series] = Line(row.series, 1, 1, "", look);
     }
-    blocks[row.series] += Line(row.series, x, row.rel_error, row.label, look);
+    blocks[row.series] += Line(row.series, x, y, row.label, look);
     costed.emplace_back();
     costed.back().bytes = x;
-    costed.back().rel_error = row.rel_error;
+    costed.back().rel_error = y;
   }
   if (costed.size() < 2) return NotFound("fewer than two rows have this figure");
   std::string data = Line(plot.front ? "Pareto front" : "", 1, 1, "", 0);

@@ -18,7 +18,10 @@ struct BenchPlot {
   double factor;        // to the axis's unit
   bool inverse;         // 1 / x: seconds of samples a second
   bool front;
+  double BenchRow::*y = &BenchRow::rel_error;
 };
+// RMS error against terms, a line a material; report.rows are BenchReport::materials.
+const BenchPlot& MaterialsPlot();
 const std::vector<BenchPlot>& BenchPlots();
 // NotFound when fewer than two rows have the figure.
 Status PlotBench(const BenchReport& report, const BenchPlot& plot, const std::filesystem::path& png);

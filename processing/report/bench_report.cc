@@ -1,11 +1,14 @@
 #include "processing/report/bench_report.h"
 
 #include <algorithm>
+#include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "processing/report/bench_plots.h"
 #include "processing/report/html.h"
+#include "processing/report/published.h"
 #include "protocol/base/file_writer.h"
 
 namespace mesorig::report {
@@ -13,6 +16,8 @@ namespace {
 
 using nlohmann::json;
 using Rows = std::vector<std::vector<std::string>>;
+
+constexpr char kReference[] = "fmf";  // what the others are set beside
 
 json Rings(const std::vector<AngleErrors>& rings) {
   json list = json::array();
@@ -25,11 +30,12 @@ json Rings(const std::vector<AngleErrors>& rings) {
   return list;
 }
 
-json RowJson(const BenchRow& r) {
+json RowJson(const BenchReport& report, const BenchRow& r) {
   json row{{"codec", r.codec},
            {"series", r.series},
            {"codec_options", json::parse(r.options_json, nullptr, false)},
            {"rel_error", r.rel_error},
+           {"rmse", r.rmse},
            {"psnr_db", r.psnr_db},
            {"p99_abs", r.p99_abs},
            {"max_abs", r.max_abs},
@@ -43,6 +49,10 @@ json RowJson(const BenchRow& r) {
            {"by_light_theta", Rings(r.by_angle.by_light_theta)}};
   if (r.peak_bytes >= 0) row["peak_bytes"] = r.peak_bytes;
   if (r.picture) row["picture"] = *r.picture;
+  if (const auto fmf = FmfErrorAt(report.rows, r.bytes); fmf && r.codec != kReference) {
+    row["fmf_rel_error_at_these_bytes"] = *fmf;
+    row["loses_to_fmf"] = r.rel_error > *fmf;
+  }
   return row;
 }
 
@@ -54,20 +64,53 @@ std::string Megabytes(double bytes) {
   return bytes < 0 ? "–" : fmt::format("{:.3g}", bytes * 1e-6);
 }
 
-std::string MainTable(const BenchReport& report) {
-  Rows rows = {{"codec", "relative error", "PSNR, dB", "99th percentile", "clamped mass",
-                "size, MB", "ratio", "encoding, s", "whole images, M samples/s",
+std::string ErrorTable(const BenchReport& report) {
+  Rows rows = {{"codec", "size, MB", "ratio", "relative error", "PSNR, dB", "99th percentile",
+                "clamped mass", "fmf at this size", "beside fmf"}};
+  for (const BenchRow& r : report.rows) {
+    const double fmf =
+        r.codec == kReference ? 0 : FmfErrorAt(report.rows, r.bytes).value_or(0);
+    const double factor = fmf > 0 ? r.rel_error / fmf : 0;
+    rows.push_back({NameOf(r), Megabytes(r.bytes), fmt::format("{:.1f}", r.ratio),
+                    fmt::format("{:.4f}", r.rel_error), fmt::format("{:.2f}", r.psnr_db),
+                    fmt::format("{:.2g}", r.p99_abs), fmt::format("{:.1e}", r.clamped_mass),
+                    fmf > 0 ? fmt::format("{:.4f}", fmf) : "–",
+                    factor > 0 ? fmt::format("{:.2f} x{}", factor, factor > 1 ? ", loses" : "") : "–"});
+  }
+  return Table(rows);
+}
+
+std::string TimeTable(const BenchReport& report) {
+  Rows rows = {{"codec", "relative error", "encoding, s", "whole images, M samples/s",
                 "random access, M samples/s", "peak memory, MB"}};
   for (const BenchRow& r : report.rows) {
-    rows.push_back({NameOf(r), fmt::format("{:.4f}", r.rel_error), fmt::format("{:.2f}", r.psnr_db),
-                    fmt::format("{:.2g}", r.p99_abs), fmt::format("{:.1e}", r.clamped_mass),
-                    Megabytes(r.bytes), fmt::format("{:.1f}", r.ratio),
-                    fmt::format("{:.2f}", r.encode_s),
+    rows.push_back({NameOf(r), fmt::format("{:.4f}", r.rel_error), fmt::format("{:.2f}", r.encode_s),
                     fmt::format("{:.3g}", r.image_samples_per_s * 1e-6),
                     fmt::format("{:.3g}", r.access_samples_per_s * 1e-6),
                     Megabytes(r.peak_bytes)});
   }
   return Table(rows);
+}
+
+// Which codecs lose to fmf at equal bytes at all their settings, which at none.
+std::string BesideFmf(const BenchReport& report) {
+  std::map<std::string, std::pair<int, int>> lost;  // of how many
+  for (const BenchRow& r : report.rows) {
+    if (r.codec == kReference) continue;
+    const auto fmf = FmfErrorAt(report.rows, r.bytes);
+    if (!fmf) continue;
+    lost[r.codec].first += r.rel_error > *fmf ? 1 : 0;
+    lost[r.codec].second += 1;
+  }
+  std::string text;
+  for (const auto& [codec, counts] : lost) {
+    text += fmt::format("{}{} at {} of {} settings", text.empty() ? "" : ", ", codec, counts.first,
+                        counts.second);
+  }
+  if (text.empty()) return "";
+  return Paragraph("Beside fmf: the error over that of fmf at equal bytes, interpolated between its "
+                   "settings (beyond its largest file: that file's). Lose to fmf: " + text +
+                   ". What loses in bytes may win in time: the second table.");
 }
 
 // Relative error by ring, of every row that is smallest under some limit.
@@ -78,8 +121,12 @@ std::string AngleTable(const BenchReport& report, const char* of,
   for (const Recommendation& r : Recommend(report)) {
     if (!r.smallest || std::count(chosen.begin(), chosen.end(), *r.smallest) > 0) continue;
     chosen.push_back(*r.smallest);
-    rows[0].push_back(NameOf(report.rows[*r.smallest]));
   }
+  if (chosen.empty()) {  // none within any limit: the best there is
+    const std::vector<size_t> front = ParetoFront(report.rows, &BenchRow::bytes);
+    if (!front.empty()) chosen.push_back(front.back());
+  }
+  for (const size_t i : chosen) rows[0].push_back(NameOf(report.rows[i]));
   if (chosen.empty()) return "";
   const auto& first = report.rows[chosen[0]].by_angle.*rings;
   for (size_t k = 0; k < first.size(); ++k) {
@@ -94,43 +141,44 @@ std::string AngleTable(const BenchReport& report, const char* of,
 }
 
 std::string RecommendationTable(const BenchReport& report) {
-  Rows rows = {{"relative error at most", "smallest", "size, MB", "fastest at random access",
-                "M samples/s"}};
+  Rows rows = {{"relative error at most", "smallest", "size, MB", "its error",
+                "fastest at random access", "M samples/s", "its error"}};
+  std::string out_of_reach;
   for (const Recommendation& r : Recommend(report)) {
-    std::vector<std::string> row = {fmt::format("{:g}", r.limit), "none of these", "–",
-                                    "none of these", "–"};
-    if (r.smallest) {
-      row[1] = NameOf(report.rows[*r.smallest]);
-      row[2] = Megabytes(report.rows[*r.smallest].bytes);
+    if (!r.smallest || !r.fastest) {
+      out_of_reach += fmt::format("{}{:g}", out_of_reach.empty() ? "" : ", ", r.limit);
+      continue;
     }
-    if (r.fastest) {
-      row[3] = NameOf(report.rows[*r.fastest]);
-      row[4] = fmt::format("{:.3g}", report.rows[*r.fastest].access_samples_per_s * 1e-6);
-    }
-    rows.push_back(std::move(row));
+    const BenchRow &small = report.rows[*r.smallest], &fast = report.rows[*r.fastest];
+    rows.push_back({fmt::format("{:g}", r.limit), NameOf(small), Megabytes(small.bytes),
+                    fmt::format("{:.4f}", small.rel_error), NameOf(fast),
+                    fmt::format("{:.3g}", fast.access_samples_per_s * 1e-6),
+                    fmt::format("{:.4f}", fast.rel_error)});
   }
-  return Table(rows);
-}
-
-// Numbers that others printed, beside ours, for what they are: other data.
-std::string Literature() {
-  const Rows rows = {
-      {"published", "data", "size, MB"},
-      {"raw (Müller et al. 2004, Sec. 3.3)", "81 x 81 x 256 x 256", "1200"},
-      {"scaled Lafortune lobes", "the same", "32"},
-      {"reflectance fields", "the same", "106"},
-      {"chained factorisation", "the same", "60"},
-      {"per view, 8 terms", "the same", "121"},
-      {"per cluster, 32 clusters of 8 terms", "the same", "11"},
-      {"view-svd, 4 terms (Wang et al. 2005, Table 1)", "64 x 64 to 128 x 128, 60 to 96 directions",
-       "1.3 to 7.5"}};
-  return Table(rows) +
-         Paragraph("Printed sizes are of other materials. Those of Wang et al. do not follow from "
-                   "four terms of RGB floats: 128 x 128 texels, 96 lights, 4 terms, 3 channels are "
-                   "75 MB as float and 38 MB as half before packing.");
+  std::string html = rows.size() > 1 ? Table(rows) : "";
+  if (!out_of_reach.empty()) {
+    html += Paragraph("No setting tried stays within " + out_of_reach + "; more terms might.");
+  }
+  return html;
 }
 
 }  // namespace
+
+std::optional<double> FmfErrorAt(const std::vector<BenchRow>& rows, double bytes) {
+  std::vector<BenchRow> curve;
+  for (const BenchRow& row : rows) {
+    if (row.codec == kReference && row.bytes > 0 && row.rel_error > 0) curve.push_back(row);
+  }
+  const std::vector<size_t> front = ParetoFront(curve, &BenchRow::bytes);
+  if (front.empty() || !(bytes >= curve[front[0]].bytes)) return std::nullopt;
+  for (size_t i = 1; i < front.size(); ++i) {
+    const BenchRow &a = curve[front[i - 1]], &b = curve[front[i]];
+    if (bytes > b.bytes) continue;
+    const double t = std::log(bytes / a.bytes) / std::log(b.bytes / a.bytes);
+    return a.rel_error * std::pow(b.rel_error / a.rel_error, t);
+  }
+  return curve[front.back()].rel_error;
+}
 
 std::vector<size_t> ParetoFront(const std::vector<BenchRow>& rows, double BenchRow::*cost) {
   std::vector<size_t> order(rows.size());
@@ -165,10 +213,22 @@ std::vector<Recommendation> Recommend(const BenchReport& report) {
   return list;
 }
 
+namespace {
+
+// Of a rate: what costs is its inverse.
+std::vector<size_t> FastestFront(std::vector<BenchRow> rows, double BenchRow::*rate) {
+  for (BenchRow& row : rows) row.*rate = -(row.*rate);
+  return ParetoFront(rows, rate);
+}
+
+}  // namespace
+
 std::string BenchJson(const BenchReport& report) {
-  json rows = json::array(), front = json::array(), recommendation = json::array();
-  for (const BenchRow& row : report.rows) rows.push_back(RowJson(row));
-  for (const size_t i : ParetoFront(report.rows, &BenchRow::bytes)) front.push_back(i);
+  json rows = json::array(), recommendation = json::array(), materials = json::array();
+  for (const BenchRow& row : report.rows) rows.push_back(RowJson(report, row));
+  for (const BenchRow& row : report.materials) {
+    materials.push_back({{"material", row.series}, {"terms", row.label}, {"rmse", row.rmse}});
+  }
   for (const Recommendation& r : Recommend(report)) {
     json entry{{"rel_error_at_most", r.limit}};
     if (r.smallest) entry["smallest"] = NameOf(report.rows[*r.smallest]);
@@ -181,10 +241,35 @@ std::string BenchJson(const BenchReport& report) {
               {"psnr_peak", report.peak},
               {"calibrated", report.calibrated},
               {"rows", std::move(rows)},
-              {"pareto_bytes", std::move(front)},
+              {"pareto_bytes", ParetoFront(report.rows, &BenchRow::bytes)},
+              {"pareto_encode", ParetoFront(report.rows, &BenchRow::encode_s)},
+              {"pareto_access", FastestFront(report.rows, &BenchRow::access_samples_per_s)},
+              {"pareto_images", FastestFront(report.rows, &BenchRow::image_samples_per_s)},
+              {"rmse_by_material", std::move(materials)},
+              {"published", PublishedJson()},
               {"recommendation", std::move(recommendation)}}
       .dump(2);
 }
+
+namespace {
+
+// Of each codec the row with a picture that has the least error.
+std::vector<size_t> Pictured(const std::vector<BenchRow>& rows) {
+  std::vector<size_t> chosen;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (!rows[i].picture) continue;
+    const auto same = std::find_if(chosen.begin(), chosen.end(),
+                                   [&](size_t k) { return rows[k].codec == rows[i].codec; });
+    if (same == chosen.end()) {
+      chosen.push_back(i);
+    } else if (rows[i].rel_error < rows[*same].rel_error) {
+      *same = i;
+    }
+  }
+  return chosen;
+}
+
+}  // namespace
 
 StatusOr<std::vector<std::string>> WriteBench(const BenchReport& report,
                                               const std::filesystem::path& folder) {
@@ -198,18 +283,35 @@ StatusOr<std::vector<std::string>> WriteBench(const BenchReport& report,
       skipped.push_back(fmt::format("{}: {}", plot.file, Message(status)));
     }
   }
-  for (const BenchRow& row : report.rows) {
-    if (row.picture) pictures.push_back(report::Figure(*row.picture, NameOf(row)));
+  if (!report.materials.empty()) {
+    BenchReport materials;
+    materials.rows = report.materials;
+    const BenchPlot& plot = MaterialsPlot();
+    const Status status = PlotBench(materials, plot, folder / plot.file);
+    if (status.ok()) {
+      figures.push_back(report::Figure(plot.file, plot.caption));
+    } else {
+      skipped.push_back(fmt::format("{}: {}", plot.file, Message(status)));
+    }
   }
-  std::string body = Section("Error against size and time", MainTable(report) + Figures(figures));
+  for (const size_t i : Pictured(report.rows)) {
+    pictures.push_back(report::Figure(*report.rows[i].picture, NameOf(report.rows[i])));
+  }
+  std::string body = Section("Error and size", ErrorTable(report) + BesideFmf(report));
+  body += Section("Error and time", TimeTable(report));
+  body += Section("Plots; in grey what nothing beats (Pareto front)", Figures(figures));
   body += Section("Relative error by elevation",
                   AngleTable(report, "view", &ErrorsByAngleResult::by_view_theta) +
                       AngleTable(report, "light", &ErrorsByAngleResult::by_light_theta));
   if (!pictures.empty()) {
-    body += Section("Apparent BRDFs of one texel, views down and lights across: original, decoded, "
-                    "four times the difference", Figures(pictures));
+    body += Section("Apparent BRDFs",
+                    Paragraph("Of a dark texel, one of middle brightness and a bright one, from above: "
+                              "views down and lights across; original, decoded, and twice the "
+                              "difference (white is none). Each codec at its setting of least error; "
+                              "all settings are beside this page.") +
+                        Figures(pictures));
   }
-  body += Section("Published sizes", Literature());
+  body += Section("Published sizes beside ours", PublishedTables());
   body += Section("Recommendation", RecommendationTable(report));
   MESORIG_RETURN_IF_ERROR(WriteFileAtomically(
       folder / "bench.html", Page("Compression of " + report.input, report.what, body)));

@@ -15,7 +15,7 @@ namespace mesorig::report {
 // One codec at one setting.
 struct BenchRow {
   std::string codec, series, label, options_json;
-  double rel_error = 0, psnr_db = 0, p99_abs = 0, max_abs = 0, clamped_mass = 0;
+  double rel_error = 0, rmse = 0, psnr_db = 0, p99_abs = 0, max_abs = 0, clamped_mass = 0;
   double bytes = 0, ratio = 0;
   double encode_s = 0, image_samples_per_s = 0, access_samples_per_s = 0;
   double peak_bytes = -1;  // below 0: unknown
@@ -29,11 +29,19 @@ struct BenchReport {
   double peak = 1;          // of PSNR
   bool calibrated = true;
   std::vector<BenchRow> rows;
-  std::vector<double> error_limits = {0.2, 0.1, 0.05, 0.03, 0.02};
+  std::vector<double> error_limits = {0.5, 0.3, 0.2, 0.1, 0.05, 0.03, 0.02};
+  // Other materials at each number of terms of fmf, `series` being the material: codec, label and rmse
+  // alone are looked at (Müller et al. 2004, Fig. 12). May be empty.
+  std::vector<BenchRow> materials;
 };
 
 // Rows that no other row beats in both error and `cost`, by falling error.
 std::vector<size_t> ParetoFront(const std::vector<BenchRow>& rows, double BenchRow::*cost);
+
+// The error that fmf has at so many bytes: between its rows (the front of all that it stores)
+// interpolated in the logarithm of both; beyond its largest file that one's, which more bytes would only
+// lower. Nothing below its smallest file, and without fmf among the rows.
+std::optional<double> FmfErrorAt(const std::vector<BenchRow>& rows, double bytes);
 
 // Of the rows with rel_error at most `limit`: the smallest, and the fastest at random access. Nothing
 // where no row stays within it.

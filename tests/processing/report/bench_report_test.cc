@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/file_writer.h"
@@ -17,6 +18,7 @@ BenchRow Row(const char* series, const char* label, double error, double bytes, 
   row.label = label;
   row.options_json = "{}";
   row.rel_error = error;
+  row.rmse = 0.3 * error;
   row.bytes = bytes;
   row.ratio = 1e6 / bytes;
   row.encode_s = bytes * 1e-5;
@@ -37,6 +39,33 @@ TEST(BenchReport, TheFrontHoldsWhatNothingBeats) {
   EXPECT_THAT(ParetoFront(report.rows, &BenchRow::bytes), ::testing::ElementsAre(0, 1));
 }
 
+TEST(BenchReport, TellsWhatFmfHasAtEqualBytes) {
+  const BenchReport report = Report();
+  EXPECT_FALSE(FmfErrorAt(report.rows, 99).has_value());
+  EXPECT_NEAR(*FmfErrorAt(report.rows, 100), 0.10, 1e-12);
+  EXPECT_NEAR(*FmfErrorAt(report.rows, 100 * std::sqrt(2.0)), std::sqrt(0.10 * 0.04), 1e-12);
+  EXPECT_NEAR(*FmfErrorAt(report.rows, 900), 0.04, 1e-12);
+  const auto json = nlohmann::json::parse(BenchJson(report));
+  EXPECT_EQ(json["rows"][2]["loses_to_fmf"], true);     // view-svd: 0.09 in 900 bytes
+  EXPECT_FALSE(json["rows"][0].contains("loses_to_fmf"));
+  EXPECT_FALSE(FmfErrorAt({report.rows[2]}, 900).has_value());
+}
+
+TEST(BenchReport, HasEveryFrontAndThePublishedSizes) {
+  const auto json = nlohmann::json::parse(BenchJson(Report()));
+  EXPECT_EQ(json["pareto_bytes"], (std::vector<size_t>{0, 1}));
+  EXPECT_EQ(json["pareto_encode"], (std::vector<size_t>{0, 1}));
+  EXPECT_EQ(json["pareto_access"], (std::vector<size_t>{2, 3}));  // 9 and 4 M samples/s
+  EXPECT_EQ(json["pareto_images"], (std::vector<size_t>{2, 3}));
+  // The survey's PCMF follows from our planes: 11 MB.
+  for (const auto& row : json["published"]) {
+    if (row["method"] == "PCMF, 32 clusters of 8 terms") {
+      EXPECT_NEAR(row["ours_bytes"].get<double>() / row["published_bytes"].get<double>(), 1, 0.1);
+    }
+  }
+  EXPECT_EQ(json["published"].size(), 6u + 3);
+}
+
 TEST(BenchReport, RecommendsTheSmallestAndTheFastestUnderALimit) {
   BenchReport report = Report();
   report.error_limits = {0.2, 0.05, 0.001};
@@ -51,17 +80,24 @@ TEST(BenchReport, RecommendsTheSmallestAndTheFastestUnderALimit) {
 
 TEST(BenchReport, WritesAPageThatEscapesAndPlots) {
   btf::TemporaryFolder folder;
-  const auto skipped = WriteBench(Report(), folder.path());
+  BenchReport report = Report();
+  report.materials = {Row("wool", "1", 0.2, 1, 1), Row("wool", "2", 0.1, 1, 1),
+                      Row("stone", "1", 0.4, 1, 1)};
+  const auto skipped = WriteBench(report, folder.path());
   ASSERT_TRUE(skipped.ok()) << skipped.status();
   const std::string html = *ReadFile(folder / "bench.html");
   EXPECT_EQ(html.find("<b>`touch"), std::string::npos);
-  EXPECT_NE(html.find("Recommendation"), std::string::npos);
+  for (const char* what : {"Recommendation", "0.0400", "2.25 x, loses", "view-svd at 1 of 1 settings",
+                           "PCMF, 32 clusters", "peanut, weave", "stays within 0.03, 0.02"}) {
+    EXPECT_NE(html.find(what), std::string::npos) << what;
+  }
   EXPECT_EQ(nlohmann::json::parse(*ReadFile(folder / "bench.json"))["rows"].size(), 4u);
   for (const std::string& line : *skipped) {
     EXPECT_THAT(line, ::testing::HasSubstr("not installed")) << line;
   }
   if (skipped->empty()) {
     EXPECT_GT(std::filesystem::file_size(folder / "plot_bytes.png"), 5000u);
+    EXPECT_GT(std::filesystem::file_size(folder / "plot_materials.png"), 5000u);
   }
 }
 
