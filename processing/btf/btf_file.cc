@@ -15,9 +15,6 @@
 namespace mesorig::btf {
 namespace {
 
-constexpr std::array<const char*, 3> kRgb = {"R", "G", "B"};
-
-std::string LightChannel(int light, size_t rgb) { return fmt::format("L{:03}.{}", light, kRgb[rgb]); }
 std::string VarianceChannel(int light) { return fmt::format("L{:03}.V", light); }
 
 // Part 0 of `reader`, mask included.

@@ -16,6 +16,9 @@ constexpr size_t kMaxText = 1u << 20;
 }  // namespace
 
 std::string ViewPart(int view) { return fmt::format("V{:03}", view); }
+std::string LightChannel(int light, size_t rgb) {
+  return fmt::format("L{:03}.{}", light, "RGB"[rgb]);
+}
 
 void AttributeWriter::Text(const char* name, const std::string& value) {
   header_.insert(name, Imf::StringAttribute(value));

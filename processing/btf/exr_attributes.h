@@ -18,6 +18,8 @@ inline constexpr char kBtfFormat[] = "mesorig-btf", kMdfFormat[] = "mesorig-mdf"
 
 // The part of a view: V000, V001, ...
 std::string ViewPart(int view);
+// Its channel of a light: L000.R, ...; rgb 0 to 2.
+std::string LightChannel(int light, size_t rgb);
 
 // Puts attributes into a header (borrowed).
 class AttributeWriter {

@@ -144,30 +144,40 @@ Status ExrReader::PartSize(int part, int& width, int& height) const {
 }
 
 template <typename T>
-Status ExrReader::ReadSlices(int part, const std::vector<Slice<T>>& slices) const {
+Status ExrReader::ReadSlices(int part, int row, int rows, const std::vector<Slice<T>>& slices) const {
   int width = 0, height = 0;
   MESORIG_RETURN_IF_ERROR(PartSize(part, width, height));
+  if (rows < 0) rows = height;
+  if (row < 0 || rows < 1 || rows > height - row) {
+    return InvalidArgument("{}: part {} `{}` has {} rows, not {} to {}", name_, part,
+                           OneLine(PartName(part)), height, row, row + rows - 1);
+  }
   Imf::FrameBuffer buffer;
   for (const Slice<T>& slice : slices) {
     if (header(part).channels().findChannel(slice.channel) == nullptr) {
       return InvalidArgument("{}: part {} `{}` lacks channel {}", name_, part,
                              OneLine(PartName(part)), slice.channel);
     }
-    Insert(buffer, slice);
+    Insert(buffer, Slice<T>{slice.channel, slice.first - row * slice.y_stride, slice.x_stride,
+                            slice.y_stride});
   }
   return GuardedRead(name_, [&] {
     Imf::InputPart input(*file_, part);
     input.setFrameBuffer(buffer);
-    input.readPixels(0, height - 1);
+    input.readPixels(row, row + rows - 1);
     return OkStatus();
   });
 }
 
 Status ExrReader::ReadPart(int part, const std::vector<Slice<float>>& slices) const {
-  return ReadSlices(part, slices);
+  return ReadSlices(part, 0, -1, slices);
+}
+Status ExrReader::ReadRows(int part, int row, int rows,
+                           const std::vector<Slice<float>>& slices) const {
+  return ReadSlices(part, row, std::max(rows, 0), slices);
 }
 Status ExrReader::ReadPart(int part, const std::vector<Slice<uint32_t>>& slices) const {
-  return ReadSlices(part, slices);
+  return ReadSlices(part, 0, -1, slices);
 }
 
 namespace {

@@ -43,6 +43,8 @@ class ExrReader {
   Status PartSize(int part, int& width, int& height) const;
   // Converts to float. A channel that the part lacks is an error.
   Status ReadPart(int part, const std::vector<Slice<float>>& slices) const;
+  // Rows [row, row + rows) alone; `first` of each slice is where row `row` goes.
+  Status ReadRows(int part, int row, int rows, const std::vector<Slice<float>>& slices) const;
   // Of UINT channels, without conversion.
   Status ReadPart(int part, const std::vector<Slice<uint32_t>>& slices) const;
 
@@ -50,7 +52,7 @@ class ExrReader {
   std::string name_;
   uint64_t file_bytes_ = 0;
   template <typename T>
-  Status ReadSlices(int part, const std::vector<Slice<T>>& slices) const;
+  Status ReadSlices(int part, int row, int rows, const std::vector<Slice<T>>& slices) const;
 
   std::unique_ptr<Imf::MultiPartInputFile> file_;
 };

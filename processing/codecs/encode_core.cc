@@ -2,6 +2,7 @@
 
 #include "processing/codecs/clamped.h"
 #include "processing/codecs/encoder.h"
+#include "processing/codecs/linear/sample_source.h"
 
 namespace mesorig::codecs {
 namespace {
@@ -45,21 +46,12 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeBtf(const Encoder& encoder, const bt
 }
 
 btf::BtfFileInfo InfoOf(const btf::SampledBtf& btf, std::string_view codec, int version) {
-  btf::BtfFileInfo info;
-  info.header = btf.header();
-  info.codec = codec;
-  info.codec_version = version;
-  info.codec_options_json = "{}";
-  for (int v = 0; v < btf.header().view_count(); ++v) {
-    for (int l = 0; l < btf.header().light_count(); ++l) {
-      info.present.push_back(btf.Present(v, l) ? 1 : 0);
-    }
-  }
-  return info;
+  return InfoOf(MemorySource(btf), codec, version);
 }
 
-Status CheckEncodable(const btf::SampledBtf& btf, const EncodeOptions& options,
-                      const Encoder& encoder) {
+namespace {
+
+Status CheckOptions(const EncodeOptions& options, const Encoder& encoder) {
   const unsigned takes = encoder.options();
   const auto refuse = [&](std::string_view option) {
     return InvalidArgument("codec {} has no {}", encoder.name(), option);
@@ -80,8 +72,38 @@ Status CheckEncodable(const btf::SampledBtf& btf, const EncodeOptions& options,
   if (!(options.floor >= 0 && options.floor <= 1e30)) {
     return InvalidArgument("floor {}, permitted are 0 to 1e30", options.floor);
   }
+  return OkStatus();
+}
+
+}  // namespace
+
+Status CheckEncodable(const btf::SampledBtf& btf, const EncodeOptions& options,
+                      const Encoder& encoder) {
+  MESORIG_RETURN_IF_ERROR(CheckOptions(options, encoder));
   if (btf.present_count() == 0) return InvalidArgument("no (view, light) pair is present");
   return CheckFinite(btf);
+}
+
+Status CheckEncodable(const SampleSource& source, const EncodeOptions& options,
+                      const Encoder& encoder) {
+  MESORIG_RETURN_IF_ERROR(CheckOptions(options, encoder));
+  if (source.Pairs().empty()) return InvalidArgument("no (view, light) pair is present");
+  return OkStatus();
+}
+
+btf::BtfFileInfo InfoOf(const SampleSource& source, std::string_view codec, int version) {
+  btf::BtfFileInfo info;
+  info.header = source.header();
+  info.codec = codec;
+  info.codec_version = version;
+  info.codec_options_json = "{}";
+  info.present = source.present();
+  return info;
+}
+
+StatusOr<std::unique_ptr<EncodedBtf>> Encoder::EncodeFrom(const SampleSource&,
+                                                          const EncodeOptions&) const {
+  return Unimplemented("codec {} needs the whole BTF in memory", name());
 }
 
 }  // namespace mesorig::codecs

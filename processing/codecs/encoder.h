@@ -10,6 +10,8 @@
 
 namespace mesorig::codecs {
 
+class SampleSource;  // linear/sample_source.h
+
 inline constexpr int kAllTerms = -1;
 
 // What the error that a factorisation makes smallest is measured in (linear/README.md).
@@ -50,6 +52,10 @@ class Encoder {
   // pair, or one that holds values that are not finite. Reentrant.
   virtual StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
                                                        const EncodeOptions& options) const = 0;
+  // The same from a source that is never held whole: about 1 GB beside the factors at most, whatever its
+  // size. UNIMPLEMENTED for codecs, and for weights, that need the values all at once.
+  virtual StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
+                                                           const EncodeOptions& options) const;
 };
 
 // Encodes by a codec, and adds what is done alike for all: options.clamp_negative, which Encode of a
@@ -66,5 +72,9 @@ btf::BtfFileInfo InfoOf(const btf::SampledBtf& btf, std::string_view codec, int 
 // says where it is not), and nothing is asked for that `encoder` does not have.
 Status CheckEncodable(const btf::SampledBtf& btf, const EncodeOptions& options,
                       const Encoder& encoder);
+// Of a source, whose values are checked when they are read.
+Status CheckEncodable(const SampleSource& source, const EncodeOptions& options,
+                      const Encoder& encoder);
+btf::BtfFileInfo InfoOf(const SampleSource& source, std::string_view codec, int version);
 
 }  // namespace mesorig::codecs

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <memory>
 #include <random>
 
 namespace mesorig::codecs::algebra {
@@ -15,6 +16,7 @@ constexpr int64_t kGramPerTerm = 6;      // a Gram matrix costs what six vectors
 constexpr int64_t kTurnedBytes = int64_t{128} << 20;  // a matrix that is turned is held whole
 constexpr int64_t kSketchRowsPerVector = 24, kSketchedRows = 4;  // of A for one of the sketch, least
 constexpr int kSketchPowerSteps = 2;
+constexpr int64_t kMostBlockBytes = int64_t{512} << 20;  // of all threads together
 constexpr double kOrthogonal = 1e-6;
 constexpr int64_t kBasisBytes = int64_t{256} << 20;  // of a basis that grows, and its products
 constexpr double kGramVisible = 1e-10;   // of the first eigenvalue: 1e-5 of the singular value
@@ -33,17 +35,24 @@ class Blocks {
       : source_(source),
         rows_(std::clamp<int64_t>(options.block_bytes / (4 * source.cols()),
                                   std::min<int64_t>(at_least, 64), source.rows())),
-        workers_(static_cast<int>(std::clamp<int64_t>(source.rows() / 64, 1, Threads()))),
-        scratch_(static_cast<size_t>(workers_)), scaled_(static_cast<size_t>(workers_)) {
+        workers_(static_cast<int>(std::clamp<int64_t>(source.rows() / 64, 1, Threads()))) {
+    const int64_t granule = source.granule();
     rows_ = std::min(rows_, (source.rows() + workers_ - 1) / workers_);
+    rows_ = std::max<int64_t>(rows_ / granule, 1) * granule;
+    const int64_t most = kMostBlockBytes / (4 * source.cols() * rows_);
+    workers_ = static_cast<int>(std::clamp<int64_t>(most, 1, workers_));
+    scratch_.resize(static_cast<size_t>(workers_));
+    scaled_.resize(static_cast<size_t>(workers_));
   }
 
   // Calls function(worker, first row, block) for all blocks; see ForParts.
   Status ForEach(const std::function<Status(int, int64_t, ViewF)>& function) {
     return ForParts(workers_, source_.rows(), rows_, [&](int w, int64_t first, int64_t count) -> Status {
-      std::vector<float>& scratch = scratch_[static_cast<size_t>(w)];
-      scratch.resize(static_cast<size_t>(rows_ * source_.cols()));
-      MESORIG_ASSIGN_OR_RETURN(ViewF block, source_.Rows(first, count, scratch.data()));
+      auto& scratch = scratch_[static_cast<size_t>(w)];  // not touched, not there
+      if (scratch == nullptr) {
+        scratch = std::make_unique_for_overwrite<float[]>(static_cast<size_t>(rows_ * source_.cols()));
+      }
+      MESORIG_ASSIGN_OR_RETURN(ViewF block, source_.Rows(first, count, scratch.get()));
       return function(w, first, scale_ == 1 ? block : Scaled(block, scaled_[static_cast<size_t>(w)]));
     });
   }
@@ -90,7 +99,8 @@ class Blocks {
   int64_t rows_;
   int workers_;
   float scale_ = 1;
-  std::vector<std::vector<float>> scratch_, scaled_;  // of each worker
+  std::vector<std::unique_ptr<float[]>> scratch_;  // of each worker
+  std::vector<std::vector<float>> scaled_;
 };
 
 // One matrix of zeros a worker, added up in the end.

@@ -27,6 +27,8 @@ class RowSource {
   virtual ~RowSource() = default;
   virtual int64_t rows() const = 0;
   virtual int64_t cols() const = 0;
+  // Rows are best asked for from multiples of this on, by multiples.
+  virtual int64_t granule() const { return 1; }
   // Rows [first, first + count), as a view of the source's own memory or of `scratch`, which has
   // room for count * cols values and is the caller's alone. Valid until the next call with that scratch.
   virtual StatusOr<ViewF> Rows(int64_t first, int64_t count, float* scratch) const = 0;

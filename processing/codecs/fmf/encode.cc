@@ -1,42 +1,29 @@
-#include "processing/codecs/encoder.h"
-#include "processing/codecs/linear/pack_factors.h"
+#include "processing/codecs/linear/linear_encoder.h"
 
 namespace mesorig::codecs::fmf {
 namespace {
 
-constexpr int kVersion = 1, kDefaultTerms = 16, kMaxTerms = 4096;
+constexpr int kVersion = 1, kDefaultTerms = 16;
 
-class FmfEncoder final : public Encoder {
+class FmfEncoder final : public LinearEncoder {
  public:
   std::string_view name() const override { return "fmf"; }
   unsigned options() const override { return kWeighting | kLogWeighting | kQuantisation; }
-  int max_terms(const btf::SampledBtf& btf) const override {
-    return static_cast<int>(std::min<size_t>(
-        {kMaxTerms, btf.header().texel_count(), 3 * btf.present_count()}));
-  }
 
+ protected:
   // Müller et al. 2004, Eq. 11.
-  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
-                                               const EncodeOptions& options) const override {
-    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
+  StatusOr<std::unique_ptr<EncodedBtf>> Factorise(const SampleSource& source,
+                                                  const SampleWeights& weights,
+                                                  const EncodeOptions& options) const override {
     LinearShape shape;
-    MESORIG_ASSIGN_OR_RETURN(shape.terms, TermsOf(options, kDefaultTerms, max_terms(btf)));
-    const SampleWeights weights = WeightsFor(btf, options);
-    const AbrdfMatrix matrix(btf, weights, options.weighting);
-    algebra::SvdOptions svd_options;
-    svd_options.rank = shape.terms;
-    svd_options.block_bytes = options.block_bytes;
-    MESORIG_ASSIGN_OR_RETURN(const algebra::TruncatedSvd svd,
-                             algebra::DecomposeTruncated(matrix, svd_options));
-    LinearFactors factors = EmptyFactors(btf.header(), shape);
-    factors.quantisation = QuantisationOf(options);
-    if (options.weighting == Weighting::kLog) factors.log_floor = static_cast<float>(weights.floor);
-    PutTerms(matrix, svd, {}, 0, 0, btf.header(), factors);
-    RoundFactors(btf.header(), factors);
-    btf::BtfFileInfo info = InfoOf(btf, name(), kVersion);
-    info.codec_options_json = OptionsJson(options, factors.quantisation, weights.floor,
-                                          {{"terms", shape.terms}});
-    return LinearBtf::Create(std::move(info), std::move(factors));
+    MESORIG_ASSIGN_OR_RETURN(shape.terms, TermsOf(options, kDefaultTerms, MostLinearTerms(source)));
+    const AbrdfMatrix matrix(source, weights, options.weighting);
+    MESORIG_ASSIGN_OR_RETURN(
+        const algebra::TruncatedSvd svd,
+        algebra::DecomposeTruncated(matrix, SvdOptionsFor(options, shape.terms)));
+    LinearFactors factors = FactorsFor(source.header(), shape, weights, options);
+    PutTerms(matrix, svd, {}, 0, 0, source.header(), factors);
+    return Close(source, weights, options, kVersion, {{"terms", shape.terms}}, std::move(factors));
   }
 };
 

@@ -4,48 +4,61 @@
 #include <cmath>
 #include <numeric>
 
+#include "protocol/base/check.h"
+
 namespace mesorig::codecs {
 
-AbrdfMatrix::AbrdfMatrix(const btf::SampledBtf& btf, const SampleWeights& weights,
+AbrdfMatrix::AbrdfMatrix(const SampleSource& source, const SampleWeights& weights,
                          Weighting weighting, int view)
-    : btf_(btf), weights_(weights), log_(weighting == Weighting::kLog),
+    : source_(&source), weights_(weights), log_(weighting == Weighting::kLog),
+      pairs_(source.Pairs()), texels_(source.header().texel_count()) {
+  std::iota(texels_.begin(), texels_.end(), size_t{0});
+  const size_t lights = source.header().lights.size();
+  if (view >= 0) {
+    std::erase_if(pairs_, [&](size_t pair) { return pair / lights != static_cast<size_t>(view); });
+  }
+}
+
+AbrdfMatrix::AbrdfMatrix(const btf::SampledBtf& btf, const SampleWeights& weights,
+                         Weighting weighting)
+    : btf_(&btf), owned_(std::make_unique<MemorySource>(btf)), source_(owned_.get()),
+      weights_(weights), log_(weighting == Weighting::kLog), pairs_(source_->Pairs()),
       texels_(btf.header().texel_count()) {
   std::iota(texels_.begin(), texels_.end(), size_t{0});
-  const int first = view < 0 ? 0 : view, last = view < 0 ? btf.header().view_count() : view + 1;
-  for (int v = first; v < last; ++v) {
-    for (int l = 0; l < btf.header().light_count(); ++l) {
-      if (btf.Present(v, l)) pairs_.push_back(btf.PairIndex(v, l));
+}
+
+// Columns of texels that do not follow one another.
+Status AbrdfMatrix::Gather(int64_t first, int64_t count, float* out) const {
+  MESORIG_CHECK(btf_ != nullptr);
+  const auto n = static_cast<size_t>(count);
+  const size_t* const texels = texels_.data() + first;
+  const size_t lights = btf_->header().lights.size();
+  for (const size_t pair : pairs_) {
+    const float* const image =
+        btf_->Image(static_cast<int>(pair / lights), static_cast<int>(pair % lights)).data();
+    for (size_t c = 0; c < 3; ++c, out += n) {
+      for (size_t i = 0; i < n; ++i) out[i] = image[3 * texels[i] + c];
     }
   }
+  return OkStatus();
 }
 
 StatusOr<algebra::ViewF> AbrdfMatrix::Rows(int64_t first, int64_t count, float* scratch) const {
   const auto n = static_cast<size_t>(count);
   const size_t* const texels = texels_.data() + first;
-  const bool contiguous = texels[n - 1] - texels[0] == n - 1;
-  const auto lights = btf_.header().lights.size();
+  const bool run = texels[n - 1] - texels[0] == n - 1;
+  MESORIG_RETURN_IF_ERROR(
+      run ? source_->Columns(static_cast<int64_t>(texels[0]), count, pairs_, scratch)
+          : Gather(first, count, scratch));
   const auto floor = static_cast<float>(weights_.floor);
-  for (size_t p = 0; p < pairs_.size(); ++p) {
-    const float* const image =
-        btf_.Image(static_cast<int>(pairs_[p] / lights), static_cast<int>(pairs_[p] % lights))
-            .data();
-    for (size_t c = 0; c < 3; ++c) {
-      float* const out = scratch + (3 * p + c) * n;
-      const float weight = weights_.sample[3 * pairs_[p] + c];
-      const float mean = mean_.empty() ? 0.0f : mean_[3 * p + c];
-      if (contiguous) {
-        const float* const from = image + 3 * texels[0] + c;
-        for (size_t i = 0; i < n; ++i) out[i] = from[3 * i];
-      } else {
-        for (size_t i = 0; i < n; ++i) out[i] = image[3 * texels[i] + c];
-      }
-      if (log_) {
-        for (size_t i = 0; i < n; ++i) out[i] = std::log(std::max(out[i], 0.0f) + floor);
-      }
-      for (size_t i = 0; i < n; ++i) {
-        out[i] = (out[i] * weight - mean) * weights_.texel[texels[i]];
-      }
+  for (size_t j = 0; j < 3 * pairs_.size(); ++j) {
+    float* const out = scratch + j * n;
+    const float weight = ColumnWeight(static_cast<int64_t>(j));
+    const float mean = mean_.empty() ? 0.0f : mean_[j];
+    if (log_) {
+      for (size_t i = 0; i < n; ++i) out[i] = std::log(std::max(out[i], 0.0f) + floor);
     }
+    for (size_t i = 0; i < n; ++i) out[i] = (out[i] * weight - mean) * weights_.texel[texels[i]];
   }
   return algebra::ViewF(scratch, count, cols(), count);
 }

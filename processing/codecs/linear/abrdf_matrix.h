@@ -2,21 +2,26 @@
 // A BTF as the matrix that linear bases factorise: a row a texel (its apparent BRDF), a column a
 // channel of a present pair. Never held whole: blocks of rows are gathered from the images.
 
+#include <memory>
 #include <vector>
 
 #include "processing/codecs/algebra/truncated_svd.h"
+#include "processing/codecs/linear/sample_source.h"
 #include "processing/codecs/linear/sample_weights.h"
 
 namespace mesorig::codecs {
 
 class AbrdfMatrix final : public algebra::RowSource {
  public:
-  // Borrows `btf` and `weights`. All present pairs, or those of one view. At least one is needed.
-  AbrdfMatrix(const btf::SampledBtf& btf, const SampleWeights& weights, Weighting weighting,
+  // Borrows what it is given. All present pairs, or those of one view. At least one is needed.
+  AbrdfMatrix(const SampleSource& source, const SampleWeights& weights, Weighting weighting,
               int view = -1);
+  // In memory; only of such a one texels can be selected.
+  AbrdfMatrix(const btf::SampledBtf& btf, const SampleWeights& weights, Weighting weighting);
 
   int64_t rows() const override { return static_cast<int64_t>(texels_.size()); }
   int64_t cols() const override { return 3 * static_cast<int64_t>(pairs_.size()); }
+  int64_t granule() const override { return source_->granule(); }
   // Values, or log(max(value, 0) + floor), less the mean where one is set, times the weights.
   StatusOr<algebra::ViewF> Rows(int64_t first, int64_t count, float* scratch) const override;
 
@@ -37,7 +42,11 @@ class AbrdfMatrix final : public algebra::RowSource {
   }
 
  private:
-  const btf::SampledBtf& btf_;
+  Status Gather(int64_t first, int64_t count, float* out) const;
+
+  const btf::SampledBtf* btf_ = nullptr;  // in memory
+  std::unique_ptr<SampleSource> owned_;
+  const SampleSource* source_;
   const SampleWeights& weights_;
   bool log_;
   std::vector<size_t> pairs_, texels_;

@@ -1,7 +1,6 @@
 #include <algorithm>
 
-#include "processing/codecs/encoder.h"
-#include "processing/codecs/linear/pack_factors.h"
+#include "processing/codecs/linear/linear_encoder.h"
 #include "processing/codecs/pcmf/local_pca.h"
 
 namespace mesorig::codecs::pcmf {
@@ -57,14 +56,10 @@ class PcmfEncoder final : public Encoder {
     MESORIG_ASSIGN_OR_RETURN(local.clusters, ClustersOf(btf, options, shape.terms));
     const SampleWeights weights = WeightsFor(btf, options);
     const AbrdfMatrix matrix(btf, weights, options.weighting);
-    algebra::SvdOptions svd_options;
-    svd_options.rank = shape.terms;
-    svd_options.block_bytes = options.block_bytes;
+    const algebra::SvdOptions svd_options = SvdOptionsFor(options, shape.terms);
     MESORIG_ASSIGN_OR_RETURN(const LocalPcaResult clusters, Clusters(matrix, svd_options, local));
     shape.clusters = clusters.clusters;
-    LinearFactors factors = EmptyFactors(btf.header(), shape);
-    factors.quantisation = QuantisationOf(options);
-    if (options.weighting == Weighting::kLog) factors.log_floor = static_cast<float>(weights.floor);
+    LinearFactors factors = FactorsFor(btf.header(), shape, weights, options);
     factors.cluster.assign(clusters.cluster.begin(), clusters.cluster.end());
     for (int k = 0; k < shape.clusters; ++k) {
       AbrdfMatrix rows(btf, weights, options.weighting);

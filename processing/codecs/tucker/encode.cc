@@ -1,8 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "processing/codecs/encoder.h"
-#include "processing/codecs/linear/pack_factors.h"
+#include "processing/codecs/linear/linear_encoder.h"
 #include "processing/codecs/tucker/core_tensor.h"
 #include "processing/codecs/tucker/tucker.h"
 
@@ -13,14 +12,6 @@ constexpr int kDefaultTerms = 16;
 // Of the energy that the texel terms lost, what each of the two other modes may lose.
 constexpr double kLoss = 0.03;
 constexpr size_t kMostSide = 6144;  // views, or channels of lights: a Gram matrix of 300 MB
-
-SampleWeights Product(const SeparateWeights& w) {
-  SampleWeights product{w.texel, {}, w.floor};
-  for (const float view : w.view) {
-    for (const float light : w.light) product.sample.insert(product.sample.end(), 3, view * light);
-  }
-  return product;
-}
 
 // What the texel mode leaves: sigma V^T over views and (light, channel), in the weights' unit.
 Tensor Rest(const btf::BtfHeader& h, const AbrdfMatrix& matrix, const algebra::TruncatedSvd& svd) {
@@ -109,37 +100,47 @@ class TuckerEncoder final : public Encoder {
   std::string_view name() const override { return kName; }
   unsigned options() const override { return kWeighting | kLogWeighting | kQuantisation; }
   int max_terms(const btf::SampledBtf& btf) const override {
-    return static_cast<int>(std::min<size_t>(
-        {kMaxTerms, btf.header().texel_count(), 3 * btf.present_count()}));
+    return MostLinearTerms(MemorySource(btf));
   }
 
   StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
                                                const EncodeOptions& options) const override {
     MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
-    const btf::BtfHeader& h = btf.header();
+    return Factorise(MemorySource(btf), SeparateWeightsFor(btf, options), options);
+  }
+  StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
+                                                   const EncodeOptions& options) const override {
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(source, options, *this));
+    MESORIG_ASSIGN_OR_RETURN(const SeparateWeights weights, WeightsOfDirections(source, options));
+    return Factorise(source, weights, options);
+  }
+
+ private:
+  StatusOr<std::unique_ptr<EncodedBtf>> Factorise(const SampleSource& source,
+                                                  const SeparateWeights& separate,
+                                                  const EncodeOptions& options) const {
+    const btf::BtfHeader& h = source.header();
     if (std::max(h.views.size(), 3 * h.lights.size()) > kMostSide) {
       return InvalidArgument("{} views and {} lights, at most {} and {} are taken", h.view_count(),
                              h.light_count(), kMostSide, kMostSide / 3);
     }
-    algebra::SvdOptions svd_options;
-    MESORIG_ASSIGN_OR_RETURN(svd_options.rank, TermsOf(options, kDefaultTerms, max_terms(btf)));
-    svd_options.block_bytes = options.block_bytes;
-    const SeparateWeights separate = SeparateWeightsFor(btf, options);
+    MESORIG_ASSIGN_OR_RETURN(const int terms,
+                             TermsOf(options, kDefaultTerms, MostLinearTerms(source)));
     const SampleWeights weights = Product(separate);
-    const AbrdfMatrix matrix(btf, weights, options.weighting);
+    const AbrdfMatrix matrix(source, weights, options.weighting);
     MESORIG_ASSIGN_OR_RETURN(const algebra::TruncatedSvd svd,
-                             algebra::DecomposeTruncated(matrix, svd_options));
+                             algebra::DecomposeTruncated(matrix, SvdOptionsFor(options, terms)));
     const double lost = std::pow(svd.residual * svd.norm, 2);
     MESORIG_ASSIGN_OR_RETURN(
         const Modes modes,
         DecomposeModes(Rest(h, matrix, svd), options.terms == kAllTerms ? 0 : kLoss * lost));
     const Quantisation quantisation = QuantisationOf(options);
-    Core core = CoreOf(modes, separate, svd_options.rank, quantisation);
+    Core core = CoreOf(modes, separate, terms, quantisation);
     LinearShape shape;
     shape.terms = core.terms;
     std::vector<float> g = TexelTerms(matrix, svd.u, static_cast<size_t>(shape.stride()),
                                       quantisation, core);
-    btf::BtfFileInfo info = InfoOf(btf, name(), kVersion);
+    btf::BtfFileInfo info = InfoOf(source, name(), kVersion);
     info.codec_options_json = OptionsJson(options, quantisation, weights.floor,
                                           {{"terms", core.terms},
                                            {"view_terms", core.view_terms},

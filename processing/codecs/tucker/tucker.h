@@ -10,7 +10,7 @@
 
 namespace mesorig::codecs::tucker {
 
-inline constexpr int kVersion = 1, kMaxTerms = 4096;
+inline constexpr int kVersion = 1;
 inline constexpr char kName[] = "tucker";
 
 // All but the weights of texels; [-1, 1].
