@@ -36,6 +36,16 @@ class ClampedBtf final : public EncodedBtf {
     Clamp(rgb);
     return rgb;
   }
+  void EvaluateBatch(std::span<const SampleQuery> queries,
+                     std::span<std::array<float, 3>> out) const override {
+    encoded_->EvaluateBatch(queries, out);
+    for (std::array<float, 3>& rgb : out) Clamp(rgb);
+  }
+  void DecodeSamples(std::span<const NodeQuery> queries,
+                     std::span<std::array<float, 3>> out) const override {
+    encoded_->DecodeSamples(queries, out);
+    for (std::array<float, 3>& rgb : out) Clamp(rgb);
+  }
   Status PredictImage(int view, Vec3 l, std::span<float> rgb) const override {
     MESORIG_RETURN_IF_ERROR(encoded_->PredictImage(view, l, rgb));
     Clamp(rgb);

@@ -29,18 +29,20 @@ class CmfEncoder final : public Encoder {
     encoding.stages = {{Axis::kView, Axis::kLight, terms}, {Axis::kHalf, Axis::kDifference, 1}};
     encoding.quantisation = QuantisationOf(options);
     encoding.counts = {{"terms", terms}};
-    per_texel::ChainFitter fitter(btf.header(), InfoOf(btf, name(), 1).present, encoding.stages);
+    const per_texel::ChainFitter fitter(btf.header(), InfoOf(btf, name(), 1).present, encoding.stages);
     const std::vector<float> weights = per_texel::SquareWeights(btf, options, fitter);
     const size_t second = fitter.layout().stages[1].p_first;
+    auto fitters = per_texel::FitterForEachWorker(fitter);
     return per_texel::EncodeChain(
         btf, options, encoding, *this, [&](const per_texel::TexelBlock& block) -> Status {
+          per_texel::ChainFitter& own = fitters[static_cast<size_t>(block.worker)];
           for (size_t i = 0; i < block.texels; ++i) {
             const auto values = block.Values(i);
             MESORIG_RETURN_IF_ERROR(
                 per_texel::DecomposeTexel(btf.header(), fitter, block.Y(i), values));
             std::fill(values.begin() + static_cast<std::ptrdiff_t>(second), values.end(), 1.0f);
-            fitter.Refine(block.Y(i), weights, kSweepsOfSecond, 1, values);
-            fitter.Refine(block.Y(i), weights, kSweepsOfBoth, 0, values);
+            own.Refine(block.Y(i), weights, kSweepsOfSecond, 1, values);
+            own.Refine(block.Y(i), weights, kSweepsOfBoth, 0, values);
           }
           return OkStatus();
         });

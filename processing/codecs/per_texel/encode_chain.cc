@@ -33,8 +33,15 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const btf::SampledBtf& btf,
         std::copy_n(image + 3 * (first + i), 3, y.data() + i * samples + 3 * p);
       }
     }
-    MESORIG_RETURN_IF_ERROR(fit({count, std::span(y).first(count * samples),
-                                 std::span(values).subspan(first * size, count * size)}));
+    const auto workers = static_cast<size_t>(algebra::Threads());
+    const size_t part = (count + workers - 1) / workers;
+    MESORIG_RETURN_IF_ERROR(algebra::ForParts(
+        static_cast<int>(workers), static_cast<int64_t>(count), static_cast<int64_t>(part),
+        [&](int worker, int64_t from, int64_t texels_of_part) {
+          const auto i = static_cast<size_t>(from), n = static_cast<size_t>(texels_of_part);
+          return fit({n, std::span(y).subspan(i * samples, n * samples),
+                      std::span(values).subspan((first + i) * size, n * size), worker});
+        }));
   }
   info.codec_options_json =
       OptionsJson(options, encoding.quantisation, encoding.floor, encoding.counts);
@@ -53,6 +60,10 @@ std::vector<float> SquareWeights(const btf::SampledBtf& btf, const EncodeOptions
     squares[i] = w * w;
   }
   return squares;
+}
+
+std::vector<ChainFitter> FitterForEachWorker(const ChainFitter& fitter) {
+  return std::vector<ChainFitter>(static_cast<size_t>(algebra::Threads()), fitter);
 }
 
 Status DecomposeTexel(const btf::BtfHeader& header, const ChainFitter& fitter,

@@ -17,6 +17,7 @@ struct TexelBlock {
   size_t texels = 0;
   std::span<const float> y;  // [texel][present pair][rgb]
   std::span<float> values;   // [texel][Layout], zero
+  int worker = 0;            // who asks: several blocks are fitted at once, each worker one
 
   std::span<const float> Y(size_t texel) const {
     return y.subspan(texel * (y.size() / texels), y.size() / texels);
@@ -35,11 +36,14 @@ struct ChainEncoding {
   // {"terms":...}, {}: what the file says beside the options.
   std::vector<std::pair<std::string, int>> counts;
 };
-// Reads the BTF in blocks of texels and packs what `fit` makes of them.
+// Reads the BTF in blocks of texels and packs what `fit` makes of them, on algebra::Threads() workers.
 StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const btf::SampledBtf& btf,
                                                   const EncodeOptions& options,
                                                   const ChainEncoding& encoding,
                                                   const Encoder& encoder, const FitBlock& fit);
+
+// One for each worker, as `fitter`.
+std::vector<ChainFitter> FitterForEachWorker(const ChainFitter& fitter);
 
 // Weights of squares that options ask for: [present pair][rgb], 1 without. `log_floor` as WeightsFor.
 std::vector<float> SquareWeights(const btf::SampledBtf& btf, const EncodeOptions& options,

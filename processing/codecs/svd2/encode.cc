@@ -29,16 +29,18 @@ class Svd2Encoder final : public Encoder {
     encoding.stages = {{Axis::kView, Axis::kLight, terms}};
     encoding.quantisation = QuantisationOf(options);
     encoding.counts = {{"terms", terms}};
-    per_texel::ChainFitter fitter(btf.header(), InfoOf(btf, name(), 1).present, encoding.stages);
+    const per_texel::ChainFitter fitter(btf.header(), InfoOf(btf, name(), 1).present, encoding.stages);
     const std::vector<float> weights = per_texel::SquareWeights(btf, options, fitter);
     const bool plain = btf.present_count() == btf.header().views.size() * btf.header().lights.size() &&
                        !WeighsPairs(options);
+    auto fitters = per_texel::FitterForEachWorker(fitter);
     return per_texel::EncodeChain(
         btf, options, encoding, *this, [&](const per_texel::TexelBlock& block) -> Status {
+          per_texel::ChainFitter& own = fitters[static_cast<size_t>(block.worker)];
           for (size_t i = 0; i < block.texels; ++i) {
             MESORIG_RETURN_IF_ERROR(per_texel::DecomposeTexel(btf.header(), fitter, block.Y(i),
                                                               block.Values(i)));
-            if (!plain) fitter.Refine(block.Y(i), weights, kSweeps, 0, block.Values(i));
+            if (!plain) own.Refine(block.Y(i), weights, kSweeps, 0, block.Values(i));
           }
           return OkStatus();
         });
