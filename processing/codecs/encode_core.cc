@@ -45,6 +45,13 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeBtf(const Encoder& encoder, const bt
   return encoded;
 }
 
+StatusOr<std::unique_ptr<EncodedBtf>> EncodeBtf(const Encoder& encoder, const SampleSource& source,
+                                                const EncodeOptions& options) {
+  MESORIG_ASSIGN_OR_RETURN(auto encoded, encoder.EncodeFrom(source, options));
+  if (options.clamp_negative) return Clamped(std::move(encoded));
+  return encoded;
+}
+
 btf::BtfFileInfo InfoOf(const btf::SampledBtf& btf, std::string_view codec, int version) {
   return InfoOf(MemorySource(btf), codec, version);
 }
@@ -65,9 +72,6 @@ Status CheckOptions(const EncodeOptions& options, const Encoder& encoder) {
   }
   if (options.solid_angle && (takes & kWeighting) == 0) return refuse("solid-angle weights");
   if (options.variance && (takes & kWeighting) == 0) return refuse("weights from variances");
-  if (options.variance && !btf.has_variance()) {
-    return InvalidArgument("weights from variances: the BTF has none (channels L000.V...)");
-  }
   if (options.quantisation && (takes & kQuantisation) == 0) return refuse("choice of quantisation");
   if (!(options.floor >= 0 && options.floor <= 1e30)) {
     return InvalidArgument("floor {}, permitted are 0 to 1e30", options.floor);
@@ -80,6 +84,9 @@ Status CheckOptions(const EncodeOptions& options, const Encoder& encoder) {
 Status CheckEncodable(const btf::SampledBtf& btf, const EncodeOptions& options,
                       const Encoder& encoder) {
   MESORIG_RETURN_IF_ERROR(CheckOptions(options, encoder));
+  if (options.variance && !btf.has_variance()) {
+    return InvalidArgument("weights from variances: the BTF has none (channels L000.V...)");
+  }
   if (btf.present_count() == 0) return InvalidArgument("no (view, light) pair is present");
   return CheckFinite(btf);
 }

@@ -63,6 +63,9 @@ class Encoder {
 StatusOr<std::unique_ptr<EncodedBtf>> EncodeBtf(const Encoder& encoder, const btf::SampledBtf& btf,
                                                 const EncodeOptions& options);
 
+StatusOr<std::unique_ptr<EncodedBtf>> EncodeBtf(const Encoder& encoder, const SampleSource& source,
+                                                const EncodeOptions& options);
+
 const std::vector<const Encoder*>& AllEncoders();
 StatusOr<const Encoder*> FindEncoder(std::string_view name);
 

@@ -29,6 +29,7 @@ StatusOr<SeparateWeights> WeightsOfDirections(const SampleSource& source,
   if (options.weighting != Weighting::kLinear) {
     return Unimplemented("{} weighting of a BTF that is not held in memory", NameOf(options.weighting));
   }
+  if (options.variance) return Unimplemented("weights from variances of a BTF that is not held in memory");
   const btf::BtfHeader& h = source.header();
   SeparateWeights w{std::vector<float>(h.views.size(), 1.0f),
                     std::vector<float>(h.lights.size(), 1.0f),

@@ -1,10 +1,11 @@
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 
-#include "processing/codecs/encoder.h"
-#include "processing/codecs/linear/sample_weights.h"
+#include "processing/codecs/linear/linear_encoder.h"
 #include "processing/codecs/view_svd/factorise.h"
 #include "processing/codecs/view_svd/view_svd.h"
 
@@ -14,93 +15,157 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::MatrixXf;
 
-constexpr Eigen::Index kBlock = 2048;  // rows at a time: fits the cache for a hundred views
-constexpr double kMaxGramBytes = 4e9;
+using algebra::MatrixD;
+using algebra::MatrixF;
+using algebra::ViewF;
 
-// The images of `views` under `light`, rows [first, first + rows), as columns, weighted.
-MatrixXf Block(const btf::SampledBtf& btf, const SeparateWeights& weights, const std::vector<int>& views,
-               int light, Eigen::Index first, Eigen::Index rows) {
-  MatrixXf block(rows, static_cast<Eigen::Index>(views.size()));
-  for (size_t i = 0; i < views.size(); ++i) {
-    auto column = block.col(static_cast<Eigen::Index>(i));
-    column = Eigen::Map<const Eigen::VectorXf>(btf.Image(views[i], light).data() + first, rows);
-    if (weights.plain) continue;
-    const float factor = weights.view[static_cast<size_t>(views[i])] *
-                         weights.light[static_cast<size_t>(light)];
-    for (Eigen::Index r = 0; r < rows; ++r) {
-      column[r] *= factor * weights.texel[static_cast<size_t>(first + r) / 3];
+constexpr double kMaxGramBytes = 4e8;  // of each worker
+constexpr int64_t kMostBlockBytes = int64_t{512} << 20;  // of all workers together
+
+// The weighted samples in blocks of texels, for several workers at once.
+class ViewBlocks {
+ public:
+  ViewBlocks(const SampleSource& source, const SeparateWeights& weights, const EncodeOptions& options)
+      : weights_(Product(weights)), matrix_(source, weights_, Weighting::kLinear),
+        lights_(source.header().lights.size()), column_(source.present().size()),
+        workers_(algebra::Threads()) {
+    for (size_t i = 0; i < matrix_.pairs().size(); ++i) column_[matrix_.pairs()[i]] = i;
+    complete_ = matrix_.pairs().size() == column_.size();
+    const int64_t row = 4 * matrix_.cols(), granule = source.granule();
+    texels_ = std::clamp<int64_t>(options.block_bytes / row, 1, (matrix_.rows() + workers_ - 1) / workers_);
+    texels_ = std::max<int64_t>(texels_ / granule, 1) * granule;
+    workers_ = static_cast<int>(std::clamp<int64_t>(kMostBlockBytes / (row * texels_), 1, workers_));
+  }
+  int workers() const { return workers_; }
+
+  // Calls function(worker, first texel, texels, samples).
+  Status ForEach(const std::function<void(int, size_t, size_t, const float*)>& function) const {
+    std::vector<std::unique_ptr<float[]>> scratch(static_cast<size_t>(workers_));
+    return algebra::ForParts(
+        workers_, matrix_.rows(), texels_, [&](int worker, int64_t first, int64_t count) -> Status {
+          auto& own = scratch[static_cast<size_t>(worker)];
+          if (own == nullptr) {
+            own = std::make_unique_for_overwrite<float[]>(static_cast<size_t>(texels_ * matrix_.cols()));
+          }
+          MESORIG_RETURN_IF_ERROR(matrix_.Rows(first, count, own.get()).status());
+          function(worker, static_cast<size_t>(first), static_cast<size_t>(count), own.get());
+          return OkStatus();
+        });
+  }
+
+  // A column a view; rows (channel, texel) of `light`. In `storage` where some pairs are absent.
+  ViewF Of(int light, const std::vector<int>& views, size_t count, const float* samples,
+           MatrixF& storage) const {
+    const auto rows = static_cast<int64_t>(3 * count), cols = static_cast<int64_t>(views.size());
+    const auto first = [&](int view) {
+      return samples + column_[static_cast<size_t>(view) * lights_ + static_cast<size_t>(light)] *
+                           static_cast<size_t>(rows);
+    };
+    if (complete_) return {first(0), rows, cols, rows * static_cast<int64_t>(lights_)};
+    storage = MatrixF(rows, cols);
+    for (int64_t i = 0; i < cols; ++i) {
+      std::copy_n(first(views[static_cast<size_t>(i)]), rows, storage.Column(i));
     }
+    return storage;
   }
-  return block;
-}
 
-template <typename Function>
-void ForBlocks(const btf::SampledBtf& btf, const Function& function) {
-  const auto size = static_cast<Eigen::Index>(btf.image_size());
-  for (Eigen::Index first = 0; first < size; first += kBlock) {
-    function(first, std::min(kBlock, size - first));
-  }
-}
+ private:
+  SampleWeights weights_;
+  AbrdfMatrix matrix_;
+  size_t lights_;
+  std::vector<size_t> column_;  // of each pair among those that are present
+  bool complete_ = false;
+  int workers_;
+  int64_t texels_ = 1;
+};
 
-StatusOr<std::vector<LightGroup>> Groups(const btf::SampledBtf& btf, const SeparateWeights& weights) {
+// The lights that the same views have seen, without what their rows say.
+StatusOr<std::vector<LightGroup>> Patterns(const SampleSource& source) {
   std::map<std::vector<int>, std::vector<int>> lights_of;
-  for (int l = 0; l < btf.header().light_count(); ++l) {
+  const btf::BtfHeader& h = source.header();
+  for (int l = 0; l < h.light_count(); ++l) {
     std::vector<int> views;
-    for (int v = 0; v < btf.header().view_count(); ++v) {
-      if (btf.Present(v, l)) views.push_back(v);
+    for (int v = 0; v < h.view_count(); ++v) {
+      if (source.present()[static_cast<size_t>(v) * h.lights.size() + static_cast<size_t>(l)] != 0) {
+        views.push_back(v);
+      }
     }
     if (!views.empty()) lights_of[views].push_back(l);
   }
   double bytes = 0;
+  std::vector<LightGroup> groups;
   for (const auto& [views, lights] : lights_of) {
     bytes += 8.0 * static_cast<double>(views.size()) * static_cast<double>(views.size());
+    groups.push_back({views, lights, {}});
   }
   if (bytes > kMaxGramBytes) {
     return InvalidArgument("{} patterns of absent views need {:.1f} GB, at most {:.1f} are taken",
-                           lights_of.size(), bytes * 1e-9, kMaxGramBytes * 1e-9);
+                           groups.size(), bytes * 1e-9, kMaxGramBytes * 1e-9);
   }
-  std::vector<LightGroup> groups;
-  for (const auto& [views, lights] : lights_of) {
-    const auto n = static_cast<Eigen::Index>(views.size());
-    MatrixXd gram = MatrixXd::Zero(n, n);
-    for (const int l : lights) {
-      ForBlocks(btf, [&](Eigen::Index first, Eigen::Index rows) {
-        const MatrixXd block = Block(btf, weights, views, l, first, rows).cast<double>();
-        gram.selfadjointView<Eigen::Lower>().rankUpdate(block.transpose());
-      });
+  return groups;
+}
+
+StatusOr<std::vector<LightGroup>> Groups(const SampleSource& source, const ViewBlocks& blocks) {
+  MESORIG_ASSIGN_OR_RETURN(std::vector<LightGroup> groups, Patterns(source));
+  std::vector<std::vector<MatrixD>> grams(static_cast<size_t>(blocks.workers()));
+  for (std::vector<MatrixD>& of_worker : grams) {
+    for (const LightGroup& group : groups) {
+      const auto n = static_cast<int64_t>(group.views.size());
+      of_worker.emplace_back(n, n);
     }
-    gram = MatrixXd(gram.selfadjointView<Eigen::Lower>());
-    groups.push_back({views, lights, std::move(gram)});
+  }
+  MESORIG_RETURN_IF_ERROR(blocks.ForEach([&](int worker, size_t, size_t count, const float* samples) {
+    MatrixF storage;
+    for (size_t g = 0; g < groups.size(); ++g) {
+      for (const int l : groups[g].lights) {
+        algebra::AddGram(blocks.Of(l, groups[g].views, count, samples, storage),
+                         grams[static_cast<size_t>(worker)][g]);
+      }
+    }
+  }));
+  for (size_t g = 0; g < groups.size(); ++g) {
+    const auto n = static_cast<Eigen::Index>(groups[g].views.size());
+    groups[g].gram = MatrixXd::Zero(n, n);
+    for (const std::vector<MatrixD>& of_worker : grams) {
+      groups[g].gram += Eigen::Map<const MatrixXd>(of_worker[g].values.data(), n, n);
+    }
   }
   return groups;
 }
 
 // G_l = M_l A_l, [light][texel][term][rgb], freed from the weights of its rows.
-std::vector<float> EigenTextures(const btf::SampledBtf& btf, const SeparateWeights& weights,
-                                 const std::vector<LightGroup>& groups, const MatrixXd& e) {
-  const size_t terms = static_cast<size_t>(e.cols()), size = btf.image_size();
+StatusOr<std::vector<float>> EigenTextures(const SampleSource& source, const SeparateWeights& weights,
+                                           const ViewBlocks& blocks,
+                                           const std::vector<LightGroup>& groups, const MatrixXd& e) {
+  const size_t terms = static_cast<size_t>(e.cols()), texels = source.header().texel_count();
+  const size_t size = source.header().lights.size() * texels * terms * 3;
   std::vector<float> values;
-  values.reserve(btf.header().lights.size() * terms * size + 1);  // ViewSvdBtf adds one
-  values.resize(btf.header().lights.size() * terms * size, 0.0f);
-  MatrixXf g;
+  values.reserve(size + 1);  // ViewSvdBtf adds one
+  values.resize(size, 0.0f);
+  std::vector<MatrixF> factors;
   for (const LightGroup& group : groups) {
     const MatrixXf a = OnPresent(e, group.views).cast<float>();
-    for (const int l : group.lights) {
-      float* const of_light = values.data() + static_cast<size_t>(l) * terms * size;
-      ForBlocks(btf, [&](Eigen::Index first, Eigen::Index rows) {
-        g.noalias() = Block(btf, weights, group.views, l, first, rows) * a;
-        for (Eigen::Index r = 0; r < rows; ++r) {
-          const auto row = static_cast<size_t>(first + r);
+    factors.emplace_back(a.rows(), a.cols());
+    std::copy_n(a.data(), a.size(), factors.back().values.data());
+  }
+  MESORIG_RETURN_IF_ERROR(blocks.ForEach([&](int, size_t first, size_t count, const float* samples) {
+    MatrixF storage;
+    for (size_t g = 0; g < groups.size(); ++g) {
+      for (const int l : groups[g].lights) {
+        const MatrixF part = algebra::Multiply(
+            blocks.Of(l, groups[g].views, count, samples, storage), false, factors[g], false);
+        float* const to = values.data() + (static_cast<size_t>(l) * texels + first) * terms * 3;
+        for (size_t i = 0; i < count; ++i) {
           const float weight =
-              weights.plain ? 1.0f : weights.light[static_cast<size_t>(l)] * weights.texel[row / 3];
-          float* const to = of_light + row / 3 * terms * 3 + row % 3;
+              weights.plain ? 1.0f : weights.light[static_cast<size_t>(l)] * weights.texel[first + i];
           for (size_t k = 0; k < terms; ++k) {
-            to[3 * k] = g(r, static_cast<Eigen::Index>(k)) / weight;
+            const float* const from = part.Column(static_cast<int64_t>(k)) + i;
+            for (size_t c = 0; c < 3; ++c) to[(i * terms + k) * 3 + c] = from[c * count] / weight;
           }
         }
-      });
+      }
     }
-  }
+  }));
   return values;
 }
 
@@ -132,17 +197,31 @@ class ViewSvdEncoder final : public Encoder {
   StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
                                                const EncodeOptions& options) const override {
     MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
-    const int views = btf.header().view_count();
+    return Factorised(MemorySource(btf), SeparateWeightsFor(btf, options), options);
+  }
+  StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
+                                                   const EncodeOptions& options) const override {
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(source, options, *this));
+    MESORIG_ASSIGN_OR_RETURN(const SeparateWeights weights, WeightsOfDirections(source, options));
+    return Factorised(source, weights, options);
+  }
+
+ private:
+  static StatusOr<std::unique_ptr<EncodedBtf>> Factorised(const SampleSource& source,
+                                                          const SeparateWeights& separate,
+                                                          const EncodeOptions& options) {
+    const int views = source.header().view_count();
     const bool all = options.terms == kAllTerms;
     int terms = all ? views : options.terms;
     if (terms == 0) terms = std::min(kDefaultTerms, views);
     if (terms < 1 || terms > views) {
       return InvalidArgument("{} terms, permitted are 1 to {} (views) or all", terms, views);
     }
-    const SeparateWeights separate = SeparateWeightsFor(btf, options);
-    MESORIG_ASSIGN_OR_RETURN(const std::vector<LightGroup> groups, Groups(btf, separate));
+    const ViewBlocks blocks(source, separate, options);
+    MESORIG_ASSIGN_OR_RETURN(const std::vector<LightGroup> groups, Groups(source, blocks));
     MatrixXd e = Factorise(groups, views, terms);
-    std::vector<float> textures = EigenTextures(btf, separate, groups, e);
+    MESORIG_ASSIGN_OR_RETURN(std::vector<float> textures,
+                             EigenTextures(source, separate, blocks, groups, e));
     for (Eigen::Index v = 0; v < e.rows(); ++v) e.row(v) /= separate.view[static_cast<size_t>(v)];
     Balance(textures, e);
     const Quantisation quantisation =
@@ -153,7 +232,7 @@ class ViewSvdEncoder final : public Encoder {
       for (Eigen::Index k = 0; k < e.cols(); ++k) weights.push_back(static_cast<float>(e(v, k)));
     }
     btf::BtfFileInfo info =
-        InfoOf(btf, kName, quantisation == Quantisation::kByte ? kVersion : 1);
+        InfoOf(source, kName, quantisation == Quantisation::kByte ? kVersion : 1);
     info.codec_options_json = nlohmann::json{{"terms", terms},
                                             {"weighting", NameOf(options.weighting)},
                                             {"solid_angle", options.solid_angle},

@@ -71,8 +71,11 @@ TEST_P(StreamingCodec, FileAndMemoryAgree) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Codecs, StreamingCodec, ::testing::Values("fmf", "pvmf", "tucker"),
-                         [](const auto& parameter) { return std::string(parameter.param); });
+INSTANTIATE_TEST_SUITE_P(Codecs, StreamingCodec, ::testing::Values("fmf", "pvmf", "tucker", "view-svd"),
+                         [](const auto& parameter) {
+                           const std::string name = parameter.param;
+                           return name == "view-svd" ? "view_svd" : name;
+                         });
 
 TEST(Streaming, WhatNeedsTheValuesIsRefused) {
   const btf::SampledBtf btf = SyntheticBtf(Header());
