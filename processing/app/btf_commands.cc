@@ -11,6 +11,7 @@
 #include "processing/btf/errors.h"
 #include "processing/btf/file_kind.h"
 #include "processing/btf/pixel_digest.h"
+#include "processing/codecs/linear/sample_source.h"
 #include "processing/exchange/importer.h"
 #include "processing/report/errors_by_angle.h"
 
@@ -160,9 +161,43 @@ Status Import(const std::filesystem::path& from, const std::string& format,
   return OkStatus();
 }
 
+namespace {
+
+Status CompressStream(const CompressOptions& options, const codecs::Encoder& encoder) {
+  if (options.target.error > 0 || options.target.bytes > 0) {
+    return InvalidArgument("--stream: the number of terms must be given, no target is looked for");
+  }
+  const auto start = std::chrono::steady_clock::now();
+  MESORIG_ASSIGN_OR_RETURN(btf::BtfStrips strips, btf::BtfStrips::Open(options.from));
+  const codecs::FileSource source(std::move(strips));
+  MESORIG_ASSIGN_OR_RETURN(const auto encoded, codecs::EncodeBtf(encoder, source, options.encode));
+  const double encode_s = SecondsSince(start);
+  MESORIG_RETURN_IF_ERROR(codecs::WriteEncodedBtf(*encoded, options.to));
+  const uint64_t raw = btf::UncompressedBytes(source.header(), source.present());
+  const uint64_t bytes = std::filesystem::file_size(options.to);
+  const double ratio = static_cast<double>(raw) / static_cast<double>(bytes);
+  if (options.json) {
+    Print({{"file", options.to.string()},
+           {"codec", options.codec},
+           {"codec_options", json::parse(encoded->info().codec_options_json)},
+           {"bytes", bytes},
+           {"uncompressed_bytes", raw},
+           {"ratio", ratio},
+           {"encode_s", encode_s},
+           {"seconds", SecondsSince(start)}});
+  } else {
+    fmt::print("{}: {} bytes, ratio {:.1f}, read and encoded in {:.2f} s\n", options.to.string(),
+               bytes, ratio, encode_s);
+  }
+  return OkStatus();
+}
+
+}  // namespace
+
 Status Compress(const CompressOptions& options) {
   ProgressBar progress("compress");
   MESORIG_ASSIGN_OR_RETURN(const codecs::Encoder* encoder, codecs::FindEncoder(options.codec));
+  if (options.stream) return CompressStream(options, *encoder);
   MESORIG_ASSIGN_OR_RETURN(const btf::SampledBtf btf, btf::ReadSampledBtf(options.from));
   progress.Show(0.3);
   const auto start = std::chrono::steady_clock::now();

@@ -25,6 +25,7 @@ struct CompressOptions {
   std::string codec;
   codecs::EncodeOptions encode;
   codecs::Target target;  // instead of encode.terms, where one is set
+  bool stream = false;  // from strips of the file, never held whole; no errors are measured
   bool json = false;
 };
 Status Compress(const CompressOptions& options);

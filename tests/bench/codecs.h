@@ -23,6 +23,9 @@ StatusOr<nlohmann::json> DecodeRates();
 // Rank 32 of 12,288 x 16,384 beside scikit-learn's randomized_svd.
 StatusOr<nlohmann::json> SvdBesideScikit(const std::filesystem::path& dir);
 
+// view-svd of 128 x 128 x 96 x 96 from its file beside reading the file.
+StatusOr<nlohmann::json> EncodeFromFile(const std::filesystem::path& dir);
+
 inline double Seconds(const std::function<void()>& work) {
   const auto start = std::chrono::steady_clock::now();
   work();
