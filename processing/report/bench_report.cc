@@ -50,14 +50,15 @@ json RowJson(const BenchReport& report, const BenchRow& r) {
   if (r.peak_bytes >= 0) row["peak_bytes"] = r.peak_bytes;
   if (r.picture) row["picture"] = *r.picture;
   if (const auto fmf = FmfErrorAt(report.rows, r.bytes); fmf && r.codec != kReference) {
-    row["fmf_rel_error_at_these_bytes"] = *fmf;
-    row["loses_to_fmf"] = r.rel_error > *fmf;
+    row[fmf->beyond ? "fmf_rel_error_at_most" : "fmf_rel_error_at_these_bytes"] = fmf->rel_error;
+    if (const auto beats = fmf->Beats(r.rel_error)) row["loses_to_fmf"] = *beats;
   }
   return row;
 }
 
 std::string NameOf(const BenchRow& r) {
-  return r.label.empty() ? r.series : fmt::format("{}, {} terms", r.series, r.label);
+  if (r.label.empty()) return r.series;
+  return fmt::format("{}, {} {}", r.series, r.label, r.label == "1" ? "term" : "terms");
 }
 
 std::string Megabytes(double bytes) {
@@ -68,14 +69,18 @@ std::string ErrorTable(const BenchReport& report) {
   Rows rows = {{"codec", "size, MB", "ratio", "relative error", "PSNR, dB", "99th percentile",
                 "clamped mass", "fmf at this size", "beside fmf"}};
   for (const BenchRow& r : report.rows) {
-    const double fmf =
-        r.codec == kReference ? 0 : FmfErrorAt(report.rows, r.bytes).value_or(0);
-    const double factor = fmf > 0 ? r.rel_error / fmf : 0;
+    const FmfError fmf = r.codec == kReference
+                             ? FmfError()
+                             : FmfErrorAt(report.rows, r.bytes).value_or(FmfError());
+    const bool there = fmf.rel_error > 0;
+    const auto beats = fmf.Beats(r.rel_error);
     rows.push_back({NameOf(r), Megabytes(r.bytes), fmt::format("{:.1f}", r.ratio),
                     fmt::format("{:.4f}", r.rel_error), fmt::format("{:.2f}", r.psnr_db),
                     fmt::format("{:.2g}", r.p99_abs), fmt::format("{:.1e}", r.clamped_mass),
-                    fmf > 0 ? fmt::format("{:.4f}", fmf) : "–",
-                    factor > 0 ? fmt::format("{:.2f} x{}", factor, factor > 1 ? ", loses" : "") : "–"});
+                    there ? fmt::format("{}{:.4f}", fmf.beyond ? "at most " : "", fmf.rel_error) : "–",
+                    there && beats ? fmt::format("{:.2f} x{}", r.rel_error / fmf.rel_error,
+                                                 *beats ? ", loses" : "")
+                                   : "–"});
   }
   return Table(rows);
 }
@@ -98,8 +103,9 @@ std::string BesideFmf(const BenchReport& report) {
   for (const BenchRow& r : report.rows) {
     if (r.codec == kReference) continue;
     const auto fmf = FmfErrorAt(report.rows, r.bytes);
-    if (!fmf) continue;
-    lost[r.codec].first += r.rel_error > *fmf ? 1 : 0;
+    const auto beats = fmf ? fmf->Beats(r.rel_error) : std::nullopt;
+    if (!beats) continue;
+    lost[r.codec].first += *beats ? 1 : 0;
     lost[r.codec].second += 1;
   }
   std::string text;
@@ -109,7 +115,7 @@ std::string BesideFmf(const BenchReport& report) {
   }
   if (text.empty()) return "";
   return Paragraph("Beside fmf: the error over that of fmf at equal bytes, interpolated between its "
-                   "settings (beyond its largest file: that file's). Lose to fmf: " + text +
+                   "settings (beyond its largest file it has at most that file's error). Lose to fmf: " + text +
                    ". What loses in bytes may win in time: the second table.");
 }
 
@@ -164,7 +170,7 @@ std::string RecommendationTable(const BenchReport& report) {
 
 }  // namespace
 
-std::optional<double> FmfErrorAt(const std::vector<BenchRow>& rows, double bytes) {
+std::optional<FmfError> FmfErrorAt(const std::vector<BenchRow>& rows, double bytes) {
   std::vector<BenchRow> curve;
   for (const BenchRow& row : rows) {
     if (row.codec == kReference && row.bytes > 0 && row.rel_error > 0) curve.push_back(row);
@@ -175,9 +181,10 @@ std::optional<double> FmfErrorAt(const std::vector<BenchRow>& rows, double bytes
     const BenchRow &a = curve[front[i - 1]], &b = curve[front[i]];
     if (bytes > b.bytes) continue;
     const double t = std::log(bytes / a.bytes) / std::log(b.bytes / a.bytes);
-    return a.rel_error * std::pow(b.rel_error / a.rel_error, t);
+    return FmfError{a.rel_error * std::pow(b.rel_error / a.rel_error, t), false};
   }
-  return curve[front.back()].rel_error;
+  const BenchRow& last = curve[front.back()];
+  return FmfError{last.rel_error, bytes > last.bytes};
 }
 
 std::vector<size_t> ParetoFront(const std::vector<BenchRow>& rows, double BenchRow::*cost) {

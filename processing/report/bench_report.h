@@ -39,9 +39,18 @@ struct BenchReport {
 std::vector<size_t> ParetoFront(const std::vector<BenchRow>& rows, double BenchRow::*cost);
 
 // The error that fmf has at so many bytes: between its rows (the front of all that it stores)
-// interpolated in the logarithm of both; beyond its largest file that one's, which more bytes would only
+// interpolated in the logarithm of both; beyond its largest file that one's, which more bytes would
 // lower. Nothing below its smallest file, and without fmf among the rows.
-std::optional<double> FmfErrorAt(const std::vector<BenchRow>& rows, double bytes);
+struct FmfError {
+  double rel_error = 0;
+  bool beyond = false;  // at most so much
+  // Whether `error` loses at these bytes; nothing where that cannot be said.
+  std::optional<bool> Beats(double error) const {
+    if (error > rel_error) return true;
+    return beyond ? std::nullopt : std::optional<bool>(false);
+  }
+};
+std::optional<FmfError> FmfErrorAt(const std::vector<BenchRow>& rows, double bytes);
 
 // Of the rows with rel_error at most `limit`: the smallest, and the fastest at random access. Nothing
 // where no row stays within it.

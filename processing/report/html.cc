@@ -78,7 +78,7 @@ std::string Paragraph(std::string_view text) {
 }
 
 std::string Figure(std::string_view file, std::string_view caption) {
-  return fmt::format("<figure><img src=\"{0}\" alt=\"{1}\"><figcaption>{1}</figcaption></figure>\n",
+  return fmt::format("<figure><a href=\"{0}\"><img src=\"{0}\" alt=\"{1}\"></a><figcaption>{1}</figcaption></figure>\n",
                      Escaped(file), Escaped(caption));
 }
 

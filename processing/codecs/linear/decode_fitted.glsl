@@ -1,5 +1,5 @@
 // Decoder of the linear bases whose weights must not be filtered: those of clusters (pcmf), and all
-// under the exponential of log weighting. Texels are fetched, decoded and then mixed, over
+// under the exponential of log weighting. Texels are decoded and then mixed (codecs/filter.glsl), over
 // mip levels whose weights were fitted to the mean of what they stand for.
 //
 // Layers: family * 2 * btf_columns + stack, three terms each: the weights of level 0; from
@@ -24,8 +24,10 @@ BtfTexel PlaceOf(ivec2 size, int level, ivec2 xy) {
   return BtfTexel(first + xy.y * max(size.x >> level, 1) + xy.x, true);
 }
 
-vec3 DecodeTexel(ivec2 size, int views, BtfTexel t, ivec3 v, ivec3 l, mat3 pairs) {
-  int lights = int(texelFetch(btf_table, 0).r), texels = size.x * size.y;
+vec3 DecodeTexel(ivec2 size, int level, ivec2 xy, ivec3 v, ivec3 l, mat3 pairs) {
+  BtfTexel t = PlaceOf(size, level, xy);
+  int lights = int(texelFetch(btf_table, 0).r), views = int(texelFetch(btf_table, 4).r);
+  int texels = size.x * size.y;
   bool per_view = texelFetch(btf_table, 1).r == 1.0, decorrelated = texelFetch(btf_table, 1).r == 2.0;
   float floor_value = texelFetch(btf_table, 2).r;
   int cluster = 0;
@@ -57,32 +59,4 @@ vec3 DecodeTexel(ivec2 size, int views, BtfTexel t, ivec3 v, ivec3 l, mat3 pairs
     }
   }
   return rgb;
-}
-
-// Bilinear, repeating, as the sampler would.
-vec3 DecodeLevel(vec2 uv, int level, ivec3 v, ivec3 l, mat3 pairs) {
-  ivec2 full = textureSize(btf_layers, 0).xy;
-  ivec2 size = max(full >> level, ivec2(1));
-  int views = int(texelFetch(btf_table, 4).r);
-  vec2 p = fract(uv) * vec2(size) - 0.5;
-  ivec2 low = ivec2(floor(p));
-  vec2 f = p - vec2(low);
-  vec3 rgb = vec3(0.0);
-  for (int k = 0; k < 4; ++k) {
-    ivec2 corner = ivec2(k & 1, k >> 1);
-    float weight = (corner.x == 1 ? f.x : 1.0 - f.x) * (corner.y == 1 ? f.y : 1.0 - f.y);
-    if (weight == 0.0) continue;
-    ivec2 xy = (low + corner + size) % size;
-    rgb += weight * DecodeTexel(full, views, PlaceOf(full, level, xy), v, l, pairs);
-  }
-  return rgb;
-}
-
-vec3 DecodeBtf(vec2 uv, float level, ivec3 v, ivec3 l, mat3 pairs) {
-  ivec2 size = textureSize(btf_layers, 0).xy;
-  float last = floor(log2(float(max(size.x, size.y))) + 0.001);
-  float at = clamp(level, 0.0, last), below = floor(at);
-  vec3 rgb = DecodeLevel(uv, int(below), v, l, pairs);
-  if (at == below) return rgb;
-  return mix(rgb, DecodeLevel(uv, int(below) + 1, v, l, pairs), at - below);
 }

@@ -14,6 +14,9 @@ constexpr std::string_view kDecode =
 constexpr std::string_view kDecodeFitted =
 #include "processing/codecs/linear/decode_fitted_glsl.inc"
     ;
+constexpr std::string_view kFilter =
+#include "processing/codecs/filter_glsl.inc"
+    ;
 
 // `texels` rows of weights as layers of W*H*3 values from `first` on.
 void PutLayers(std::span<const float> g, size_t stride, size_t used, size_t layer_texels,
@@ -48,6 +51,7 @@ std::optional<ShaderForm> LinearBtf::ToShader() const {
   form.columns = static_cast<int>(stacks);
   form.layers = shape.families(header) * static_cast<int>(of_family);
   form.glsl = fitted ? kDecodeFitted : kDecode;
+  if (fitted) form.glsl += kFilter;
   form.rgb.assign(static_cast<size_t>(form.layers) * texels * 3, 0.0f);
   form.table = {static_cast<float>(header.light_count()), factors_.decorrelated ? 2.0f
                                                             : shape.per_view ? 1.0f

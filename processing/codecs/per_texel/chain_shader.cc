@@ -8,6 +8,9 @@ namespace {
 constexpr std::string_view kDecode =
 #include "processing/codecs/per_texel/decode_glsl.inc"
     ;
+constexpr std::string_view kFilter =
+#include "processing/codecs/filter_glsl.inc"
+    ;
 
 // All texels' numbers, three a layer, as layers of W*H*3 values from `first` on.
 void PutLayers(const std::vector<float>& values, size_t size, size_t layer_texels, size_t first,
@@ -29,6 +32,7 @@ std::optional<ShaderForm> ChainBtf::ToShader() const {
   form.columns = static_cast<int>(stacks);
   form.layers = static_cast<int>(2 * stacks);
   form.glsl = kDecode;
+  form.glsl += kFilter;
   form.rgb.assign(2 * stacks * texels * 3, 0.0f);
   const ChainMips mips = FitMips(info_, factors_);
   PutLayers(factors_.values, layout_.size, texels, 0, form.rgb);

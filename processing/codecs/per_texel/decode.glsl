@@ -1,5 +1,5 @@
-// Decoder of svd2, hf and cmf: products must not be filtered, so texels are fetched, decoded and then
-// mixed, over mip levels that were fitted to the mean of what they stand for.
+// Decoder of svd2, hf and cmf: products must not be filtered, so texels are decoded and then mixed
+// (codecs/filter.glsl), over mip levels that were fitted to the mean of what they stand for.
 //
 // Layers: the numbers of a texel, three a layer, btf_columns of them for level 0; as many for the other
 // levels, one after the other, row by row. Table: lights, floor, stages; of each stage: terms, axis of
@@ -83,33 +83,14 @@ ChainTexel TexelAt(ivec2 size, int level, ivec2 xy) {
   return ChainTexel(ivec2(place % size.x, place / size.x), layer, before + place);
 }
 
-vec3 DecodeLevel(vec2 uv, int level, ivec3 v, ivec3 l, mat3 pairs) {
-  ivec2 full = textureSize(btf_layers, 0).xy;
-  ivec2 size = max(full >> level, ivec2(1));
-  vec2 p = fract(uv) * vec2(size) - 0.5;
-  ivec2 low = ivec2(floor(p));
-  vec2 f = p - vec2(low);
+vec3 DecodeTexel(ivec2 size, int level, ivec2 xy, ivec3 v, ivec3 l, mat3 pairs) {
+  ChainTexel t = TexelAt(size, level, xy);
   vec3 rgb = vec3(0.0);
-  for (int k = 0; k < 4; ++k) {
-    ivec2 corner = ivec2(k & 1, k >> 1);
-    float weight = (corner.x == 1 ? f.x : 1.0 - f.x) * (corner.y == 1 ? f.y : 1.0 - f.y);
-    if (weight == 0.0) continue;
-    ChainTexel t = TexelAt(full, level, (low + corner + size) % size);
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) {
-        if (pairs[j][i] == 0.0) continue;
-        rgb += weight * pairs[j][i] * DecodePair(t, full.x * full.y, v[i], l[j]);
-      }
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      if (pairs[j][i] == 0.0) continue;
+      rgb += pairs[j][i] * DecodePair(t, size.x * size.y, v[i], l[j]);
     }
   }
   return rgb;
-}
-
-vec3 DecodeBtf(vec2 uv, float level, ivec3 v, ivec3 l, mat3 pairs) {
-  ivec2 size = textureSize(btf_layers, 0).xy;
-  float last = floor(log2(float(max(size.x, size.y))) + 0.001);
-  float at = clamp(level, 0.0, last), below = floor(at);
-  vec3 rgb = DecodeLevel(uv, int(below), v, l, pairs);
-  if (at == below) return rgb;
-  return mix(rgb, DecodeLevel(uv, int(below) + 1, v, l, pairs), at - below);
 }

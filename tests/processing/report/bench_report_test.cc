@@ -42,9 +42,14 @@ TEST(BenchReport, TheFrontHoldsWhatNothingBeats) {
 TEST(BenchReport, TellsWhatFmfHasAtEqualBytes) {
   const BenchReport report = Report();
   EXPECT_FALSE(FmfErrorAt(report.rows, 99).has_value());
-  EXPECT_NEAR(*FmfErrorAt(report.rows, 100), 0.10, 1e-12);
-  EXPECT_NEAR(*FmfErrorAt(report.rows, 100 * std::sqrt(2.0)), std::sqrt(0.10 * 0.04), 1e-12);
-  EXPECT_NEAR(*FmfErrorAt(report.rows, 900), 0.04, 1e-12);
+  EXPECT_NEAR(FmfErrorAt(report.rows, 100)->rel_error, 0.10, 1e-12);
+  EXPECT_NEAR(FmfErrorAt(report.rows, 100 * std::sqrt(2.0))->rel_error, std::sqrt(0.10 * 0.04), 1e-12);
+  EXPECT_FALSE(FmfErrorAt(report.rows, 200)->beyond);
+  const FmfError beyond = *FmfErrorAt(report.rows, 900);
+  EXPECT_TRUE(beyond.beyond);
+  EXPECT_NEAR(beyond.rel_error, 0.04, 1e-12);
+  EXPECT_EQ(beyond.Beats(0.05), true);
+  EXPECT_FALSE(beyond.Beats(0.03).has_value());  // more terms of fmf might
   const auto json = nlohmann::json::parse(BenchJson(report));
   EXPECT_EQ(json["rows"][2]["loses_to_fmf"], true);     // view-svd: 0.09 in 900 bytes
   EXPECT_FALSE(json["rows"][0].contains("loses_to_fmf"));
