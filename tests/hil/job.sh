@@ -1,0 +1,32 @@
+# What the guest does (sh, as root): brings its interfaces up and runs the programs of /job/bin, each
+# with the kernel interface that it is about. Leaves /job/log, /job/tests.tsv and /job/status.
+export PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/tmp
+failed=0
+modprobe -a vcan can-raw gpio-sim || failed=1
+ip link set lo up
+ip link add vcan0 type vcan && ip link set vcan0 up || failed=1
+mount -t configfs configfs /sys/kernel/config
+chip=/sys/kernel/config/gpio-sim/rig
+mkdir -p $chip/bank0
+echo 8 >$chip/bank0/num_lines
+echo rig-lines >$chip/bank0/label
+echo 1 >$chip/live || failed=1
+kernel=$(uname -r)
+
+# test PROGRAM FILTER INTERFACE
+test_with() {
+  /job/bin/$1 --gtest_filter="$2" >/tmp/out 2>&1 || failed=1
+  cat /tmp/out >>/job/log
+  # Lines "[       OK ] Suite.Test (12 ms)"
+  sed -n 's/^\[ *\(OK\|FAILED\) *\] \([^ ]*\) (\([0-9]*\) ms)$/\2\t\1\t\3/p' /tmp/out |
+    while IFS="$(printf '\t')" read -r name verdict ms; do
+      printf '%s\t%s\t%s\t%s\n' "$name" "$3, Linux $kernel" "$verdict" "$ms"
+    done >>/job/tests.tsv
+}
+test_with hil_bus_test 'SocketCan*' 'vcan0 (can-raw)'
+test_with hil_bus_test 'GpioLines*:GpioChips*' 'gpio-sim (character device)'
+
+[ -s /job/tests.tsv ] || failed=1
+echo $failed >/job/status
+sync
+poweroff -f
