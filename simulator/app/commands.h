@@ -22,5 +22,6 @@ Command AddRunCommand(CLI::App& app);
 Command AddInjectCommand(CLI::App& app);
 // truth: the exact values of a BTF.
 Command AddTruthCommand(CLI::App& app);
+Command AddBridgeCommand(CLI::App& app);
 
 }  // namespace mesorig::simulator

@@ -14,7 +14,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   const std::vector<simulator::Command> commands = {
       simulator::AddRunCommand(app), simulator::AddInjectCommand(app),
-      simulator::AddTruthCommand(app)};
+      simulator::AddBridgeCommand(app), simulator::AddTruthCommand(app)};
   return RunProgram(app, "mesorig-sim", argc, argv, [&]() -> Status {
     for (const auto& command : commands) {
       if (command.app->parsed()) return command.run();

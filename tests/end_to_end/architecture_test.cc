@@ -50,6 +50,7 @@ const std::map<std::string, Prefixes> kMayLink = {
     {"processing_app", {"protocol_", "processing_", "codecs_"}},
     {"renderer", {"protocol_base", "processing_btf", "codecs_decode", "renderer_"}},
     {"simulator_plant", {"protocol_base", "protocol_rig", "simulator_plant"}},
+    {"simulator_bridge", {"protocol_base", "protocol_sim_wire"}},
     {"simulator_world", {"protocol_base", "protocol_rig", "processing_btf", "simulator_plant"}},
     {"simulator_devices",
      {"protocol_base", "protocol_rig", "protocol_sim_wire", "simulator_plant", "simulator_world",

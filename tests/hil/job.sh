@@ -26,6 +26,15 @@ test_with() {
 test_with hil_bus_test 'SocketCan*' 'vcan0 (can-raw)'
 test_with hil_bus_test 'GpioLines*:GpioChips*' 'gpio-sim (character device)'
 
+# The simulated rig, and its axes on vcan0.
+mkdir -p /tmp/rig
+/job/bin/mesorig-sim run --rig /job/rig.toml --sample /job/samples/weave.toml --runtime-dir /tmp/rig \
+  >>/job/simulator.txt 2>&1 &
+while [ ! -s /tmp/rig/mesorig-sim.endpoint ] && kill -0 $! 2>/dev/null; do sleep 0.2; done
+/job/bin/mesorig-sim bridge --runtime-dir /tmp/rig --can vcan0 >>/job/simulator.txt 2>&1 &
+sleep 1
+test_with hil_driver_test 'CanAxis*' 'vcan0 (can-raw)'
+
 [ -s /job/tests.tsv ] || failed=1
 echo $failed >/job/status
 sync

@@ -37,4 +37,9 @@ inline bool Eventually(const std::function<bool()>& happened) {
   return true;
 }
 
+// The kernel's list of those who take every frame: our own port has a filter.
+inline bool CandumpListens() {
+  return Shell("cat /proc/net/can/rcvlist_all").find("raw") != std::string::npos;
+}
+
 }  // namespace mesorig::hil
