@@ -21,6 +21,10 @@ uint64_t ModbusCounts::* CountOf(int error) {
   return &ModbusCounts::broken;
 }
 
+bool AnyOn(const std::vector<uint8_t>& coils) {
+  return std::any_of(coils.begin(), coils.end(), [](uint8_t coil) { return coil != 0; });
+}
+
 }  // namespace
 
 void ModbusBus::ContextDeleter::operator()(_modbus* context) const {
@@ -105,6 +109,7 @@ Status ModbusBus::WriteCoilsNow(modbus_t* context, int first, const std::vector<
 Status ModbusBus::WriteCoils(int first, std::vector<uint8_t> values) {
   auto job = std::make_shared<Job>();
   job->writes = true;
+  job->lights = AnyOn(values);
   job->work = [this, first, values = std::move(values)](modbus_t* context) {
     return WriteCoilsNow(context, first, values);
   };
@@ -142,6 +147,7 @@ Status ModbusBus::Enqueue(const std::shared_ptr<Job>& job) {
 Status ModbusBus::WriteCoilsAtOnce(int first, std::vector<uint8_t> values) {
   auto job = std::make_shared<Job>();
   job->writes = job->at_once = true;
+  job->lights = AnyOn(values);
   job->work = [this, first, values = std::move(values)](modbus_t* context) {
     return WriteCoilsNow(context, first, values);
   };
@@ -184,8 +190,8 @@ void ModbusBus::Finish(const std::shared_ptr<Job>& job, Status result) {
 }
 
 bool ModbusBus::LeftToItsTimeout() const {
-  return options_.keep_alive == kNever || write_failed_ ||
-         last_telegram_ - last_request_ > options_.keep_alive_limit;
+  const bool forgotten = last_telegram_ - last_request_ > options_.keep_alive_limit;
+  return options_.keep_alive == kNever || (may_be_on_ && (write_failed_ || forgotten));
 }
 
 void ModbusBus::Run() {
@@ -202,7 +208,10 @@ void ModbusBus::Run() {
       last_telegram_ = clock_.Now();
       if (!job->looks) last_request_ = last_telegram_;
       const Status result = Execute(job->work);
-      if (job->writes) write_failed_ = !result.ok();
+      if (job->writes) {
+        write_failed_ = !result.ok();
+        may_be_on_ = write_failed_ || job->lights;
+      }
       Finish(job, Annotate(result, fmt::format("Modbus {}", endpoint_)));
       continue;
     }

@@ -55,7 +55,7 @@ class ModbusBus {
   Status WriteCoils(int first, std::vector<uint8_t> values);
   StatusOr<std::vector<uint16_t>> ReadInputRegisters(int first, int count);
   // The same for somebody who only looks: it does not count as the owner's work, and is Unavailable
-  // while the slave is left to its timeout.
+  // while the slave, with a coil that may be on, is left to its timeout.
   StatusOr<std::vector<uint16_t>> LookAtInputRegisters(int first, int count);
   // Goes to the head of the queue and cancels the writes that wait there, so that nothing that was
   // asked for earlier undoes it. Blocks the caller in host time until it is done or has failed.
@@ -68,6 +68,7 @@ class ModbusBus {
   struct Job {
     std::function<Status(_modbus*)> work;
     bool writes = false;
+    bool lights = false;   // writes a coil that is on
     bool at_once = false;  // nothing overtakes it
     bool looks = false;    // is not the owner's
     bool done = false;     // guarded by the clock's lock
@@ -100,6 +101,7 @@ class ModbusBus {
   bool connected_ = true;
   bool keep_alive_failed_ = false;
   bool write_failed_ = false;  // the last one
+  bool may_be_on_ = true;      // a coil, as far as was confirmed
   RigTime last_telegram_{}, last_request_{};
   // Guarded by the clock's lock. Jobs are shared between the one who waits and the bus thread.
   std::deque<std::shared_ptr<Job>> jobs_;

@@ -237,8 +237,9 @@ void SequencerImpl::RefreshIdleReadings() {
   // A bank or line that does not answer shows by the age of its reading.
   const Status chain = chain_.Check();
   board_.SetChain(chain_.levels());
-  const auto levels = devices_.lamps->ReadLevels();
-  if (levels.ok()) board_.SetLevels(*levels, clock_.Now());
+  // (A look: nobody's work, that would tell Safety and the bank that all is well.)
+  const auto levels = devices_.lamps->Watch();
+  if (levels.ok()) board_.SetLevels(levels->levels, clock_.Now());
   if (!chain.ok() || !levels.ok()) {
     Log("control").debug("idle: {} {}", Message(chain), Message(levels.status()));
   }

@@ -55,8 +55,7 @@ Status LampGuard::SwitchTo(int channel) {
     safety_.AskLight(lamp);
   }
   const Status switched = lamps_.SwitchTo(channel);
-  if (channel < 0 && switched.ok()) safety_.AskLight(-1);
-  return switched;
+  return channel < 0 ? WentDark(switched) : switched;
 }
 
 StatusOr<std::vector<double>> LampGuard::ReadLevels() {
@@ -65,8 +64,15 @@ StatusOr<std::vector<double>> LampGuard::ReadLevels() {
 }
 
 Status LampGuard::AllOff() {
-  const Status off = lamps_.AllOff();
-  if (off.ok()) safety_.AskLight(-1);
+  return WentDark(lamps_.AllOff());
+}
+
+Status LampGuard::WentDark(Status off) {
+  if (off.ok()) {
+    safety_.AskLight(-1);
+  } else {
+    safety_.OweDarkness();
+  }
   return off;
 }
 

@@ -42,6 +42,8 @@ class LampGuard final : public LampBank {
   Status AllOff() override;
 
  private:
+  Status WentDark(Status off);
+
   Safety& safety_;
   LampBank& lamps_;
   const Rig& rig_;

@@ -223,9 +223,14 @@ void Safety::AskLight(int lamp) {
       flags_.light_stuck = dark_seen_ = false;
     }
     lamp_asked_ = lamp;
+    off_owed_ = false;
     alive_until_ = std::max(alive_until_, now);
     StepInsideChange(false, false);
   });
+}
+
+void Safety::OweDarkness() {
+  clock_.Change([&] { off_owed_ = true; });
 }
 
 Status Safety::MayMove() {

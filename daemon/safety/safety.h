@@ -76,7 +76,8 @@ struct SafetyOptions {
 // Thread-safe. Borrows everything.
 class Safety {
  public:
-  static constexpr double kPoll_s = 0.1, kCalmPoll_s = 0.5, kLampPoll_s = 1, kCalmLampPoll_s = 10;
+  static constexpr double kPoll_s = 0.1, kCalmPoll_s = 0.5, kLampPoll_s = 1, kCalmLampPoll_s = 10,
+                          kOffRetry_s = 5;
   // Whoever has energised the rig and is not heard of for so long hangs. Each call of axes(),
   // lamps() and gate() is heard; one that waits, until its deadline.
   static constexpr double kAlive_s = 10;  // rig time, beside the rig's settling and exposure times
@@ -140,6 +141,7 @@ class Safety {
   void PollLines(RigTime now);
   void PollAxes(RigTime now);
   void PollLamps(RigTime now);
+  void PutOut();
   void TellTrips();
   Status DeEnergise();  // also the stop thread's
   // The logic, under the clock's lock.
@@ -152,6 +154,7 @@ class Safety {
   Status MayAsk() const;  // Permit, and no stop is being carried out
   void AskTorque(size_t axis, bool on);
   void AskLight(int lamp);  // index into Rig::lamps; -1: none
+  void OweDarkness();       // it was asked for, and could not be had
   Status MayMove();         // beside Permit: the laser is dark
   Status MayShine();        // beside Permit: no axis moves
   // The stop thread.
@@ -180,13 +183,15 @@ class Safety {
   uint64_t polls_wanted_ = 0;
   RigTime alive_until_{}, dark_at_{};  // when light that went off must be gone
   bool dark_seen_ = false;             // it was read back as gone, after that
+  bool off_owed_ = false;              // somebody asked for darkness, and the bank did not take it
   std::string hang_, heat_, light_;
+  std::string off_trouble_;  // what the lamp bank said to the last switch-off
   std::vector<std::string> untold_;  // trips
   Persists power_lost_, contactor_stuck_, motion_stuck_, laser_stuck_;
 
   SafetyListeners on_stop_, on_trip_;
   RigTime lamps_due_{};  // of the watch, while something may glow
-  RigTime calm_lamps_due_{};
+  RigTime calm_lamps_due_{}, off_due_{};
   std::atomic<uint64_t> polls_done_{0};
   std::unique_ptr<LaserGate> gate_;
   std::vector<std::unique_ptr<Axis>> axis_guards_;

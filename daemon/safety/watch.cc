@@ -48,6 +48,7 @@ void Safety::Watch() {
       calm = !EnergisedInsideChange();
     });
     if (off) (void)DeEnergise();
+    PutOut();
     TellTrips();
     polls_done_ = wanted;
     {
@@ -154,6 +155,18 @@ void Safety::PollLamps(RigTime now) {
   });
 }
 
+// What was told to go dark and did not hear it, until it does: nobody else tries again.
+void Safety::PutOut() {
+  const RigTime now = clock_.Now();
+  bool owed = false;
+  clock_.Read([&] { owed = off_owed_; });
+  if (!owed) off_due_ = now + FromSeconds(kOffRetry_s);
+  if (!owed || now < off_due_) return;
+  off_due_ = now + FromSeconds(kOffRetry_s);
+  const Status off = guarded_lamps_->AllOff();
+  if (off.ok()) Log("safety").warn("safety: the lamps could not be switched off, and are now");
+}
+
 void Safety::TellTrips() {
   std::vector<std::string> trips;
   clock_.Change([&] { trips = std::exchange(untold_, {}); });
@@ -175,7 +188,10 @@ Status Safety::DeEnergise() {
     }
   }
   const Status off = guarded_lamps_->AllOff();
-  if (!off.ok()) Log("safety").error("safety: {}", Message(off));
+  // (Tried ten times a second: told once.)
+  bool told = false;
+  clock_.Change([&] { told = std::exchange(off_trouble_, std::string(Message(off))) == Message(off); });
+  if (!off.ok() && !told) Log("safety").error("safety: {}", Message(off));
   return off.ok() ? first : off;
 }
 

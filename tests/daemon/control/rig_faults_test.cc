@@ -81,6 +81,34 @@ TEST(RigFaults, AHotHousingEndsTheSession) {
   bench.ExpectAtRest();
 }
 
+// The bank is gone when the session ends, with a lamp lit, and comes back: its own timeout puts the
+// lamp out, since nobody's looking keeps it alive; or, where that is long, the safety thread does.
+TEST(RigFaults, ALampBankThatComesBackLitIsPutOut) {
+  for (const double timeout_s : {4.0, 600.0}) {
+    Rig rig = SmallRig();
+    rig.lamp_bank.timeout_s = timeout_s;
+    SessionBench bench({{kMidway, "lamps disconnect"}, {kMidway + FromSeconds(14), "lamps replug"}}, rig);
+    const SequencerEvent end = bench.Run(SmallPlan(bench.rig));
+    EXPECT_FALSE(end.complete);
+    EXPECT_THAT(end.text, HasSubstr("lamps off: lamp bank"));
+    const auto lit = [&] {
+      bool any = false;
+      bench.sim.Exclusive([&](RigTime) {
+        for (const double level : bench.sim.lamps.CommandedLevels()) any |= level > 0;
+      });
+      return any;
+    };
+    EXPECT_TRUE(lit()) << "a moment after the end";
+    {
+      RigClock::Member member(*bench.end.link, "test");
+      RigClock::Activity activity(*bench.end.link, Pace::kFree);
+      bench.end.link->SleepFor(FromSeconds(14 + Safety::kOffRetry_s + 1));
+    }
+    EXPECT_FALSE(lit()) << timeout_s;
+    bench.ExpectAtRest();
+  }
+}
+
 // No telegram opens a relay that sticks: what the daemon can switch off is off, it says which lamp
 // and what helps, nothing can be started, and the contactor cuts the rest.
 TEST(RigFaults, ALampThatSticksIsNamedAndTheContactorPutsItOut) {
