@@ -2,6 +2,7 @@
 # with the kernel interface that it is about. Leaves /job/log, /job/tests.tsv and /job/status.
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/tmp
 failed=0
+echo started >/job/started
 modprobe -a vcan can-raw gpio-sim || failed=1
 ip link set lo up
 ip link add vcan0 type vcan && ip link set vcan0 up || failed=1
