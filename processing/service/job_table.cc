@@ -98,10 +98,13 @@ grpc::Status JobTable::AwaitProducts(grpc::ServerContext* context,
   if (const Status status = CheckSessionId(id); !status.ok()) return wire::ToGrpc(status);
   Start(id, false);
   std::shared_ptr<Job> job;
+  std::vector<std::shared_ptr<Job>> before;  // end outside the lock, which their threads may take
   {
     MutexLock lock(mutex_);
     for (;;) {
-      job = FindLocked(id);
+      std::shared_ptr<Job> found = FindLocked(id);
+      if (job != nullptr && job != found) before.push_back(job);
+      job = std::move(found);
       if (job == nullptr || job->finished() || stopped_ || context->IsCancelled()) break;
       changed_.WaitFor(mutex_, std::chrono::milliseconds(100));
     }

@@ -5,7 +5,7 @@
 namespace mesorig::service {
 namespace {
 
-class FakeJob final : public Job {
+class FakeJob : public Job {
  public:
   explicit FakeJob(std::function<void()> on_change) : on_change_(std::move(on_change)) {}
   void Stop() override {}
@@ -19,9 +19,18 @@ class FakeJob final : public Job {
     on_change_();
   }
 
- private:
+ protected:
   const std::function<void()> on_change_;
+
+ private:
   std::atomic<bool> finished_{false}, failed_{false};
+};
+
+// Its thread says something while it is joined.
+class TalkingJob final : public FakeJob {
+ public:
+  using FakeJob::FakeJob;
+  ~TalkingJob() override { on_change_(); }
 };
 
 class JobTableTest : public ::testing::Test {
@@ -64,6 +73,29 @@ TEST_F(JobTableTest, AStartWhileTheJobIsAboutToFailIsNotLost) {
   table_.Stop();
   table_.Start(kId);
   EXPECT_EQ(jobs_.size(), 2u);
+}
+
+// Whoever waits for products may be the last one to let go of a job.
+TEST_F(JobTableTest, AStopWhileSomebodyWaits) {
+  for (int i = 0; i < 50; ++i) {
+    JobTable table("no such folder",
+                   [](const std::string&, std::function<void()> on_change) {
+                     return std::make_shared<TalkingJob>(std::move(on_change));
+                   },
+                   [](const std::string&) { return 1; });
+    table.Start(kId);
+    grpc::Status awaited;
+    std::thread waiter([&] {
+      grpc::ServerContext context;
+      v1::ProductsRequest request;
+      request.set_session_id(kId);
+      v1::ProductsReply reply;
+      awaited = table.AwaitProducts(&context, &request, &reply);
+    });
+    table.Stop();
+    waiter.join();
+    EXPECT_EQ(awaited.error_code(), grpc::StatusCode::UNAVAILABLE);
+  }
 }
 
 TEST_F(JobTableTest, AStartWhileTheJobSucceedsChangesNothing) {
