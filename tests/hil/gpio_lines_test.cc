@@ -93,12 +93,15 @@ TEST_F(GpioLines, AnOpeningIsToldAtOnceAndAClosingWhenItStays) {
 }
 
 TEST_F(GpioLines, ABouncingContactClosesOnce) {
-  for (int i = 0; i < 20; ++i) {
-    Pull(kEstop, false);
+  Pull(kEstop, false);
+  ASSERT_TRUE(Eventually([&] { return Edges().size() == 1; }));
+  for (int i = 0; i < 20; ++i) {  // (some of these are shorter than the simulated chip sees)
     Pull(kEstop, true);
+    Pull(kEstop, false);
   }
-  ASSERT_TRUE(Eventually([&] { return Edges().size() >= 2 && Edges().back().second; }));
-  // Openings may be told again, closings only between them; the first and the last word are right.
+  Pull(kEstop, true);
+  ASSERT_TRUE(Eventually([&] { return Edges().back().second; }));
+  // In a slow guest a bounce may be long enough to be a closing; the first and the last word are right.
   const auto edges = Edges();
   EXPECT_THAT(edges.front(), Pair(kEstop, false));
   for (size_t i = 1; i < edges.size(); ++i) EXPECT_NE(edges[i].second, edges[i - 1].second);
