@@ -202,9 +202,7 @@ TEST(Refusal, NamesTheStateAndWhatIsPossible) {
 TEST(Prompt, AnyRequestTakesAVisitAndIsAskedBeforeItsShots) {
   LaserBench bench;
   CompiledPlan plan = SmallPlan(bench.rig);
-  Step prompt;
-  prompt.kind = StepKind::kPrompt;
-  prompt.text = "Put the white diffuser on the table";
+  const Step prompt = PromptStep("Put the white diffuser on the table");
   plan.steps.insert(plan.steps.begin() + 5, prompt);
   plan.prompts = 1;
   const SequencerEvent end = bench.RunWithOperator(plan);
@@ -219,9 +217,7 @@ TEST(Prompt, AnyRequestTakesAVisitAndIsAskedBeforeItsShots) {
 TEST(Prompt, AfterTheLastFrameTheRigRestsAndAsks) {
   LaserBench bench;
   CompiledPlan plan = SmallPlan(bench.rig);
-  Step prompt;
-  prompt.kind = StepKind::kPrompt;
-  prompt.text = "Take the sample out";
+  const Step prompt = PromptStep("Take the sample out");
   plan.steps.push_back(prompt);
   plan.prompts = 1;
   const SequencerEvent end = bench.RunWithOperator(plan);

@@ -1,6 +1,7 @@
 #pragma once
 // Steps and plans for the small rig.
 
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -12,6 +13,12 @@ namespace mesorig::daemon {
 using fixtures::SmallLaserRig;
 using fixtures::SmallRig;
 
+inline Step PromptStep(std::string text) {
+  Step step;
+  step.kind = StepKind::kPrompt;
+  step.text = std::move(text);
+  return step;
+}
 inline Step MountStep(int mount) {
   Step step;
   step.kind = StepKind::kMount;

@@ -109,7 +109,25 @@ class HostilePeersTest : public ServiceTest {
   std::filesystem::path Socket(const std::string& role) const {
     return folder_.path() / "run" / fmt::format("mesorigd.{}.sock", role);
   }
+  // Calls of the administrator that wait for events, each in its handler.
+  void WatchOften(int calls) {
+    sequencer_.Emit({});
+    v1::Event event;
+    for (int i = 0; i < calls; ++i) {
+      contexts_.push_back(std::make_unique<grpc::ClientContext>());
+      streams_.push_back(control_->Watch(contexts_.back().get(), v1::WatchRequest()));
+      ASSERT_TRUE(streams_.back()->Read(&event));
+    }
+  }
+  void EndWatching() {
+    for (size_t i = 0; i < streams_.size(); ++i) {
+      contexts_[i]->TryCancel();
+      streams_[i]->Finish();
+    }
+  }
   Laboratory lab_;
+  std::vector<std::unique_ptr<grpc::ClientContext>> contexts_;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::Event>>> streams_;
 };
 
 TEST_F(HostilePeersTest, NonsenseInsteadOfTlsHarmsNothing) {
@@ -216,25 +234,14 @@ TEST_F(OtherUserTest, ComesInByHisGroupOnly) {
 
 // There is no pool that could be used up: a call gets a thread however many others wait in theirs.
 TEST_F(HostilePeersTest, AStopComesThroughBesideAHundredCallsThatWait) {
-  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
-  std::vector<std::unique_ptr<grpc::ClientReader<v1::Event>>> streams;
-  sequencer_.Emit({});
-  v1::Event event;
-  for (int i = 0; i < 100; ++i) {
-    contexts.push_back(std::make_unique<grpc::ClientContext>());
-    streams.push_back(control_->Watch(contexts.back().get(), v1::WatchRequest()));
-    ASSERT_TRUE(streams.back()->Read(&event));
-  }
+  ASSERT_NO_FATAL_FAILURE(WatchOften(100));
   const wire::KeyAndCertificate otto = lab_.Make("observer", "otto");
   const AnyReply stopped = AnyCall(Dial(access_->address(), lab_.ca.certificate_pem, &otto),
                                    "/mesorig.v1.Control/Stop");
   EXPECT_TRUE(stopped.status.ok()) << stopped.status.error_message();
   EXPECT_EQ(sequencer_.stopped().size(), 1u);
-  EXPECT_EQ(access_->calls_under_way(), streams.size());
-  for (size_t i = 0; i < streams.size(); ++i) {
-    contexts[i]->TryCancel();
-    streams[i]->Finish();
-  }
+  EXPECT_EQ(access_->calls_under_way(), streams_.size());
+  EndWatching();
 }
 
 class LimitsTest : public HostilePeersTest {
@@ -271,25 +278,14 @@ TEST_F(LimitsTest, ConnectionsOfOneAreCounted) {
 }
 
 TEST_F(LimitsTest, StreamsOfOneAreCountedAndStopIsNot) {
-  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
-  std::vector<std::unique_ptr<grpc::ClientReader<v1::Event>>> streams;
-  sequencer_.Emit({});
-  v1::Event event;
-  for (int i = 0; i < 3; ++i) {
-    contexts.push_back(std::make_unique<grpc::ClientContext>());
-    streams.push_back(control_->Watch(contexts.back().get(), v1::WatchRequest()));
-    ASSERT_TRUE(streams.back()->Read(&event));
-  }
+  ASSERT_NO_FATAL_FAILURE(WatchOften(3));
   grpc::ClientContext more, stop;
   v1::StatusReply status;
   v1::StopReply stopped;
   EXPECT_EQ(control_->GetStatus(&more, v1::StatusRequest(), &status).error_code(),
             StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_TRUE(control_->Stop(&stop, v1::StopRequest(), &stopped).ok());
-  for (size_t i = 0; i < streams.size(); ++i) {
-    contexts[i]->TryCancel();
-    streams[i]->Finish();
-  }
+  EndWatching();
 }
 
 TEST_F(LimitsTest, AStreamThatNobodyReadsIsCutOff) {
