@@ -4,8 +4,8 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <fstream>
 
+#include "protocol/base/file_writer.h"
 #include "protocol/base/program.h"
 
 namespace mesorig::bench {
@@ -45,8 +45,7 @@ Status Run(const Options& options) {
   MESORIG_RETURN_IF_ERROR(measure("decode", [] { return DecodeRates(); }));
   MESORIG_RETURN_IF_ERROR(measure("svd", [&] { return SvdBesideScikit(options.dir); }));
   MESORIG_RETURN_IF_ERROR(measure("file", [&] { return EncodeFromFile(options.dir); }));
-  std::ofstream(options.json_path) << result.dump(2) << "\n";
-  return OkStatus();
+  return WriteFileAtomically(options.json_path, result.dump(2) + "\n");
 }
 
 }  // namespace

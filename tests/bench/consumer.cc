@@ -123,9 +123,9 @@ nlohmann::json Child::Result() {
   return nlohmann::json::parse(text);
 }
 
-FramesServer::FramesServer(const std::filesystem::path& folder, daemon::SessionStore& sessions)
+FramesServer::FramesServer(const std::filesystem::path& folder, daemon::Books& books)
     : endpoint_("unix:" + (folder / "frames.sock").string()),
-      service_(std::make_unique<daemon::FramesService>(sessions)) {
+      service_(std::make_unique<daemon::FramesService>(books, [] { return RigTime(); })) {
   grpc::ServerBuilder builder;
   builder.AddListeningPort(endpoint_, grpc::InsecureServerCredentials());
   builder.RegisterService(service_.get());

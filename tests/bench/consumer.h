@@ -17,7 +17,7 @@ class Server;
 }
 namespace mesorig::daemon {
 class FramesService;
-class SessionStore;
+struct Books;
 }  // namespace mesorig::daemon
 
 namespace mesorig::bench {
@@ -43,7 +43,7 @@ class Child {
 // The Frames service on a socket in `folder`.
 class FramesServer {
  public:
-  FramesServer(const std::filesystem::path& folder, daemon::SessionStore& sessions);
+  FramesServer(const std::filesystem::path& folder, daemon::Books& books);
   ~FramesServer();
   const std::string& endpoint() const { return endpoint_; }
 

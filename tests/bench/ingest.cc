@@ -5,11 +5,11 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <fstream>
 #include <functional>
 #include <thread>
 
-#include "daemon/service/session_store.h"
+#include "daemon/service/books.h"
+#include "protocol/base/file_writer.h"
 #include "protocol/base/check.h"
 #include "protocol/base/mutex.h"
 #include "protocol/base/program.h"
@@ -58,15 +58,15 @@ struct Options {
 json Paced(const Options& options, Pixels pixels, const std::filesystem::path& dir) {
   const auto shots = static_cast<uint32_t>(options.seconds * kRate_hz);
   const PatternSource source(MESORIG_SOURCE_DIR, pixels, shots);
-  daemon::SessionStore sessions(dir / "sessions");
-  const auto session = sessions.Create(source.plan(), source.rig()).value();
+  const auto books = daemon::Books::Open(dir / "sessions", nullptr, [] { return 0.0; }).value();
+  const auto session = books->sessions.Create(source.plan(), source.rig()).value();
   const Durable durable(*session);
   Child consumer;
   std::vector<Clock::time_point> triggers;
   uint32_t waited = 0;
   json result;
   {
-    const FramesServer server(dir, sessions);
+    const FramesServer server(dir, *books);
     consumer =
         Child::Start({"consume", server.endpoint(), session->id(), std::to_string(kLate_ms)}, {});
     std::this_thread::sleep_for(std::chrono::milliseconds(500));  // it connects
@@ -111,12 +111,12 @@ json FullSpeed(const Options& options, bool streamed, const std::filesystem::pat
   const auto shots =
       static_cast<uint32_t>(options.full_speed_gb * 1e9 / static_cast<double>(one.shot_bytes()));
   const PatternSource source(MESORIG_SOURCE_DIR, Pixels::kBayer, shots);
-  daemon::SessionStore sessions(dir / "sessions");
-  const auto session = sessions.Create(source.plan(), source.rig()).value();
+  const auto books = daemon::Books::Open(dir / "sessions", nullptr, [] { return 0.0; }).value();
+  const auto session = books->sessions.Create(source.plan(), source.rig()).value();
   const Durable durable(*session);
   json result;
   {
-    const FramesServer server(dir, sessions);
+    const FramesServer server(dir, *books);
     Child consumer;
     if (streamed) {
       consumer = Child::Start({"consume", server.endpoint(), session->id(), "1e9"}, {});
@@ -145,7 +145,7 @@ json FullSpeed(const Options& options, bool streamed, const std::filesystem::pat
   }
   // A second time from the session that has ended: streaming alone.
   if (!streamed) {
-    const FramesServer server(dir, sessions);
+    const FramesServer server(dir, *books);
     Child consumer = Child::Start({"consume", server.endpoint(), session->id(), "1e9"}, {});
     const json read = consumer.Result();
     result["stream_mb_per_s"] = 1e-6 * read["bytes"].get<double>() / read["wall_s"].get<double>();
@@ -232,8 +232,7 @@ Status Run(const Options& options) {
   for (const auto& [key, value] : result["full_speed"].items()) {
     std::printf("%-32s %10.2f\n", key.c_str(), value.get<double>());
   }
-  std::ofstream(options.json_path) << result.dump(2) << "\n";
-  return OkStatus();
+  return WriteFileAtomically(options.json_path, result.dump(2) + "\n");
 }
 
 }  // namespace
