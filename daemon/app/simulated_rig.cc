@@ -7,6 +7,10 @@ namespace mesorig::daemon {
 
 StatusOr<std::unique_ptr<SimulatedRig>> SimulatedRig::Connect(
     const std::filesystem::path& runtime_dir, const Rig& rig) {
+  if (rig.buses.any()) {
+    return Unimplemented("rig {}: [buses] names real ones, and mesorigd has no ports for them yet",
+                         rig.name);
+  }
   const auto endpoint = FindEndpoint(runtime_dir, wire::kSimulatorName);
   if (!endpoint.ok()) {
     return Unimplemented(

@@ -17,6 +17,7 @@
 #include "protocol/base/geometry.h"
 #include "protocol/base/status.h"
 #include "protocol/base/toml_reader.h"
+#include "protocol/rig/buses.h"
 
 namespace mesorig {
 
@@ -79,6 +80,7 @@ struct Camera {
   double electrons_per_radiance_s = 0;  // per W m^-2 sr^-1 and second, every channel
   double min_exposure_s = 0, max_exposure_s = 0;
   double readout_s = 0;  // from the end of exposure to the frame's delivery
+  double trigger_latency_s = 1e-3;  // from the trigger to the start of exposure, at most
   int white_dn() const { return (1 << bits) - 1; }
   int bytes_per_pixel() const { return bits > 8 ? 2 : 1; }
   Region full_region() const { return {0, 0, width, height}; }
@@ -161,6 +163,7 @@ struct Rig {
   std::optional<Turntable> turntable;  // a rig with a laser has one
   LampBank lamp_bank;
   Lines lines;
+  Buses buses;
   double heartbeat_s = 0.5;     // CANopen heartbeat of every node and of the daemon
   double mains_hz = 0;          // lamps flicker at twice this; 0: they do not
   double sample_radius_mm = 0;  // beams and views are checked against solids over this disc
@@ -176,7 +179,7 @@ struct Rig {
 
 // NotFound or InvalidArgument with file:line:column: syntax, unknown key, value out of range, a
 // name that is used twice or not defined, two lamps on one channel, two axes on one node, a laser
-// without its lines.
+// without its lines, a bus at two places.
 StatusOr<Rig> LoadRig(const std::filesystem::path& path);
 StatusOr<Rig> ParseRig(std::string_view text, std::string_view name);
 

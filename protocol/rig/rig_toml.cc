@@ -123,6 +123,7 @@ Camera ReadCamera(TomlTable t, const Rig& rig) {
     t.Error("max_exposure_s", "must not be below min_exposure_s");
   }
   camera.readout_s = t.Number("readout_s", {0, 10});
+  camera.trigger_latency_s = t.NumberOr("trigger_latency_s", 0.001, {1e-6, 1});
   return camera;
 }
 
@@ -278,6 +279,7 @@ StatusOr<Rig> ParseRig(std::string_view text, std::string_view name) {
   if (bank.Has("rated_hours")) rig.lamp_bank.rated_hours = bank.Number("rated_hours", {1, 1e6});
   ReadLines(root.Table("lines"), rig.lines);
   ReadLaserSection(root, rig);
+  if (auto buses = root.TableIfPresent("buses")) rig.buses = ReadBuses(*buses, rig.lines);
   CheckUnique(root, rig);
   MESORIG_RETURN_IF_ERROR(file.Finish());
   rig.source_text = text;

@@ -25,6 +25,31 @@ std::string With(std::string_view from, std::string_view to) {
   return text.replace(at, from.size(), to);
 }
 
+constexpr std::string_view kBuses = R"(
+[buses.can]
+interface = "can0"
+bitrate = 500000
+[buses.gpio]
+chip = "rig-lines"
+[buses.gpio.names]
+estop = "E-STOP"
+laser_trigger = "LASER"
+[buses.modbus]
+rtu = "/dev/ttyUSB0"
+baud = 38400
+parity = "none"
+[buses.usb]
+serial = "001653012345"
+)";
+
+// The demo rig on real buses, with the first `from` of theirs replaced by `to`.
+std::string WithBuses(std::string_view from = "", std::string_view to = "") {
+  std::string buses(kBuses);
+  const size_t at = buses.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return DemoText() + buses.replace(at, from.size(), to);
+}
+
 std::string ErrorOf(const std::string& text) {
   const StatusOr<Rig> rig = ParseRig(text, "rig.toml");
   EXPECT_FALSE(rig.ok());
@@ -157,6 +182,60 @@ TEST(RigToml, ALimitOfTemperaturesNeedsThem) {
   EXPECT_EQ(unlimited->lamp_bank.max_housing_c, 0);
 }
 
+TEST(RigToml, ARigWithoutBusesIsTheSimulators) {
+  EXPECT_FALSE(ParseRig(DemoText(), "rig.toml")->buses.any());
+}
+
+TEST(RigToml, BusesAreRead) {
+  const Rig rig = ParseRig(WithBuses(), "rig.toml").value();
+  ASSERT_TRUE(rig.buses.can && rig.buses.gpio && rig.buses.modbus && rig.buses.usb);
+  EXPECT_EQ(rig.buses.can->interface, "can0");
+  EXPECT_EQ(rig.buses.can->bitrate, 500000);
+  EXPECT_EQ(rig.buses.gpio->chip, "rig-lines");
+  EXPECT_EQ(rig.buses.gpio->names, (std::map<int, std::string>{{0, "E-STOP"}, {3, "LASER"}}));
+  EXPECT_EQ(rig.buses.modbus->endpoint(), "rtu:/dev/ttyUSB0");
+  EXPECT_EQ(rig.buses.modbus->baud, 38400);
+  EXPECT_EQ(rig.buses.modbus->parity, 'N');
+  EXPECT_EQ(rig.buses.modbus->stop_bits, 2) << "a character has eleven bits";
+  EXPECT_EQ(rig.buses.usb->serial, "001653012345");
+  const Rig even = ParseRig(WithBuses("parity = \"none\"", ""), "rig.toml").value();
+  EXPECT_EQ(even.buses.modbus->parity, 'E');
+  EXPECT_EQ(even.buses.modbus->stop_bits, 1);
+  const Rig tcp = ParseRig(DemoText() + "[buses.modbus]\ntcp = \"192.168.1.20:502\"\n", "rig.toml").value();
+  EXPECT_EQ(tcp.buses.modbus->endpoint(), "tcp:192.168.1.20:502");
+  EXPECT_FALSE(tcp.buses.can);
+}
+
+TEST(RigToml, MistakesInBusesAreNamed) {
+  const std::pair<std::string_view, std::string_view> wrong[] = {
+      {"interface = \"can0\"", "interface = \"a name of many words\""},
+      {"interface = \"can0\"", "interface = \"\""},
+      {"bitrate = 500000", "bitrate = 500"},
+      {"chip = \"rig-lines\"", "chip = 3"},
+      {"laser_trigger = \"LASER\"", "laser_trigger = \"E-STOP\""},
+      {"rtu = \"/dev/ttyUSB0\"", "rtu = \"ttyUSB0\""},
+      {"baud = 38400", "baud = 38401"},
+      {"parity = \"none\"", "parity = \"mark\""},
+      {"serial = \"001653012345\"", "serial = \"\""},
+  };
+  for (const auto& [from, to] : wrong) {
+    const std::string text = WithBuses(from, to);
+    const std::string key(to.substr(0, to.find(' ')));
+    EXPECT_THAT(ErrorOf(text), AllOf(HasSubstr(LineOf(text, to)), HasSubstr(key))) << to;
+  }
+  EXPECT_THAT(ErrorOf(WithBuses("rtu =", "tcp = \"1.2.3.4:502\"\nrtu =")), HasSubstr("`rtu`"));
+  EXPECT_THAT(ErrorOf(WithBuses("rtu = \"/dev/ttyUSB0\"", "")), HasSubstr("`tcp`"));
+  for (const char* endpoint : {"1.2.3.4", ":502", "1.2.3.4:", "1.2.3.4:70000", "1.2.3.4:x"}) {
+    EXPECT_THAT(ErrorOf(DemoText() + fmt::format("[buses.modbus]\ntcp = \"{}\"\n", endpoint)),
+                HasSubstr("tcp"));
+  }
+  EXPECT_THAT(ErrorOf(WithBuses("estop =", "trapdoor =")), HasSubstr("trapdoor"));
+  // A line that the rig does not have.
+  std::string text = WithBuses("estop =", "power =");
+  text.replace(text.find("power = 5"), 9, "");
+  EXPECT_THAT(ErrorOf(text), HasSubstr("no line of this rig"));
+}
+
 TEST(RigToml, MissingFileIsNamed) {
   const StatusOr<Rig> rig = LoadRig("/nowhere/rig.toml");
   ASSERT_FALSE(rig.ok());
@@ -166,7 +245,7 @@ TEST(RigToml, MissingFileIsNamed) {
 
 // Whatever stands in the file, the parser answers; what it accepts has no NaN in its geometry.
 TEST(RigToml, SurvivesMutations) {
-  const std::string original = DemoText();
+  const std::string original = WithBuses();
   std::mt19937 random(20050101);
   int accepted = 0;
   for (int n = 0; n < 3000; ++n) {
