@@ -3,13 +3,19 @@
 #include <absl/strings/numbers.h>
 #include <modbus/modbus.h>
 
+#include <sys/select.h>
+
 #include <algorithm>
 #include <cerrno>
+#include <filesystem>
 
+#include "daemon/bus/device_claim.h"
 #include "protocol/base/log.h"
 
 namespace mesorig::daemon {
 namespace {
+
+constexpr uint32_t kByteTimeout_us = 500'000;
 
 // An exception that the slave answered; the connection is good.
 bool IsSlaveException(int error) { return error >= EMBXILFUN && error <= EMBXGTAR; }
@@ -19,6 +25,18 @@ uint64_t ModbusCounts::* CountOf(int error) {
   if (error == ETIMEDOUT) return &ModbusCounts::unanswered;
   if (error >= EMBBADCRC && error <= EMBBADSLAVE) return &ModbusCounts::damaged;
   return &ModbusCounts::broken;
+}
+
+// libmodbus waits by select(), whose sets end at FD_SETSIZE.
+int ConnectContext(modbus_t* context) {
+  if (modbus_connect(context) < 0) return -1;
+  if (modbus_get_socket(context) >= FD_SETSIZE) {
+    modbus_close(context);
+    errno = EMFILE;
+    return -1;
+  }
+  modbus_flush(context);
+  return 0;
 }
 
 bool AnyOn(const std::vector<uint8_t>& coils) {
@@ -32,8 +50,7 @@ void ModbusBus::ContextDeleter::operator()(_modbus* context) const {
   modbus_free(context);
 }
 
-StatusOr<std::unique_ptr<ModbusBus>> ModbusBus::Connect(RigClock& clock, std::string_view endpoint,
-                                                        ModbusBusOptions options) {
+StatusOr<ModbusBus::Context> ModbusBus::TcpContext(std::string_view endpoint) {
   const size_t colon = endpoint.rfind(':');
   int port = 0;
   if (colon == endpoint.npos || colon == 0 ||
@@ -42,29 +59,58 @@ StatusOr<std::unique_ptr<ModbusBus>> ModbusBus::Connect(RigClock& clock, std::st
     return InvalidArgument("Modbus endpoint \"{}\" is not HOST:PORT with a port in [1, 65535]",
                            endpoint);
   }
-  const std::string host(endpoint.substr(0, colon));
-  Context context(modbus_new_tcp(host.c_str(), port));
+  return Context(modbus_new_tcp(std::string(endpoint.substr(0, colon)).c_str(), port));
+}
+
+StatusOr<std::unique_ptr<ModbusBus>> ModbusBus::Connect(RigClock& clock, std::string_view endpoint,
+                                                        ModbusBusOptions options) {
+  MESORIG_ASSIGN_OR_RETURN(Context context, TcpContext(endpoint));
+  return Begin(clock, std::string(endpoint), std::move(context), UniqueFd(), options);
+}
+
+StatusOr<std::unique_ptr<ModbusBus>> ModbusBus::Open(RigClock& clock, const Buses::Modbus& where,
+                                                     ModbusBusOptions options) {
+  if (where.rtu.empty()) {
+    MESORIG_ASSIGN_OR_RETURN(UniqueFd claim, ClaimDevice("Modbus " + where.endpoint()));
+    MESORIG_ASSIGN_OR_RETURN(Context context, TcpContext(where.tcp));
+    return Begin(clock, where.endpoint(), std::move(context), std::move(claim), options);
+  }
+  std::error_code error;  // (a link of /dev/serial/by-id is the device that it leads to)
+  const std::string device = std::filesystem::weakly_canonical(where.rtu, error).string();
+  MESORIG_ASSIGN_OR_RETURN(UniqueFd claim,
+                           ClaimDevice("Modbus rtu:" + (error ? where.rtu : device)));
+  constexpr int kDataBits = 8;
+  Context context(
+      modbus_new_rtu(where.rtu.c_str(), where.baud, where.parity, kDataBits, where.stop_bits));
+  return Begin(clock, where.endpoint(), std::move(context), std::move(claim), options);
+}
+
+StatusOr<std::unique_ptr<ModbusBus>> ModbusBus::Begin(RigClock& clock, std::string endpoint,
+                                                      Context context, UniqueFd claim,
+                                                      ModbusBusOptions options) {
   if (context == nullptr) {
     return InvalidArgument("Modbus endpoint \"{}\": {}", endpoint, modbus_strerror(errno));
   }
-  const auto timeout_us =
-      std::chrono::duration_cast<std::chrono::microseconds>(options.response_timeout).count();
-  modbus_set_response_timeout(context.get(), static_cast<uint32_t>(timeout_us / 1'000'000),
-                              static_cast<uint32_t>(timeout_us % 1'000'000));
+  const auto timeout_us = static_cast<uint32_t>(
+      std::chrono::duration_cast<std::chrono::microseconds>(options.response_timeout).count());
+  modbus_set_response_timeout(context.get(), timeout_us / 1'000'000, timeout_us % 1'000'000);
+  // An answer that breaks off.
+  modbus_set_byte_timeout(context.get(), 0, std::min(timeout_us, kByteTimeout_us));
   if (modbus_set_slave(context.get(), options.unit) < 0) {
     return InvalidArgument("Modbus unit {} is not in [1, 247]", options.unit);
   }
-  if (modbus_connect(context.get()) < 0) {
+  if (ConnectContext(context.get()) < 0) {
     return Unavailable("Modbus {}: {}", endpoint, modbus_strerror(errno));
   }
-  return std::unique_ptr<ModbusBus>(
-      new ModbusBus(clock, std::string(endpoint), std::move(context), options));
+  return std::unique_ptr<ModbusBus>(new ModbusBus(clock, std::move(endpoint), std::move(context),
+                                                  std::move(claim), options));
 }
 
-ModbusBus::ModbusBus(RigClock& clock, std::string endpoint, Context context,
+ModbusBus::ModbusBus(RigClock& clock, std::string endpoint, Context context, UniqueFd claim,
                      ModbusBusOptions options)
     : clock_(clock),
       endpoint_(std::move(endpoint)),
+      claim_(std::move(claim)),
       options_(options),
       context_(std::move(context)),
       thread_(clock, "modbus", [this] { Run(); }) {}
@@ -225,7 +271,7 @@ void ModbusBus::Run() {
 
 Status ModbusBus::EnsureConnected() {
   if (connected_) return OkStatus();
-  if (modbus_connect(context_.get()) < 0) return Failed("connecting");
+  if (ConnectContext(context_.get()) < 0) return Failed("connecting");
   connected_ = true;
   clock_.Change([&] { ++counts_.connections; });
   return OkStatus();

@@ -1,6 +1,6 @@
 #pragma once
-// Owner of one Modbus connection (libmodbus, Modbus application protocol V1.1b3 over TCP): a rig
-// thread with a queue of jobs. libmodbus blocks; the thread runs meanwhile, so that virtual time
+// Owner of one Modbus connection (libmodbus, Modbus application protocol V1.1b3 over TCP, or RTU over
+// a serial line, V1.02): a rig thread with a queue of jobs. libmodbus blocks; the thread runs meanwhile, so that virtual time
 // stands still (docs/lockstep.md). While its owner works, the bus sends a keep-alive read so that
 // the slave's communication-loss timeout does not fire during long moves; when the owner has asked
 // for nothing for `keep_alive_limit`, or a write has failed, it stops, and the slave's timeout
@@ -17,6 +17,8 @@
 
 #include "daemon/device/rig_thread.h"
 #include "protocol/base/status.h"
+#include "protocol/base/unique_fd.h"
+#include "protocol/rig/buses.h"
 
 struct _modbus;
 
@@ -32,16 +34,19 @@ struct ModbusBusOptions {
 // What came wrong since Connect, by kind of answer.
 struct ModbusCounts {
   uint64_t unanswered = 0;  // no answer within the response timeout; one that comes later is lost
-  uint64_t damaged =
-      0;  // not an answer to the request that was sent (other number, function, size)
+  // Not an answer to the request that was sent (other number, function, size), or its CRC is wrong.
+  uint64_t damaged = 0;
   uint64_t refused = 0;      // the slave's exceptions
-  uint64_t broken = 0;       // connections closed or refused by the other side
+  uint64_t broken = 0;       // connections closed or refused by the other side, lines hung up
   uint64_t connections = 0;  // made anew
   uint64_t unheeded = 0;     // writes that were confirmed and read back otherwise
 };
 
-// Every error closes the connection, so that a late answer is never taken for the next one's; the
-// request is sent once more on a new one. What is written is read back.
+// Every error closes the connection, so that a late answer is not taken for the next one's; the
+// request is sent once more on a new one. What is written is read back. (On a serial line answers have
+// no number: what waits there when it is opened again is thrown away, and what comes later than that
+// shows by its function and size, and coils by being read back.) A line that was hung up, or whose
+// adapter was unplugged, is opened again with the next request.
 // Thread-safe. Reads and writes are for rig threads (they wait in the rig clock); WriteCoilsAtOnce
 // is for any thread. Errors: Unavailable names the endpoint, the request and libmodbus' reason.
 class ModbusBus {
@@ -49,6 +54,10 @@ class ModbusBus {
   // `endpoint` is "HOST:PORT" with a numeric host. Connects; Unavailable when nobody listens.
   static StatusOr<std::unique_ptr<ModbusBus>> Connect(RigClock& clock, std::string_view endpoint,
                                                       ModbusBusOptions options);
+  // The same, over a serial line or TCP as a rig file says, for this process alone: FailedPrecondition
+  // names the process that has it.
+  static StatusOr<std::unique_ptr<ModbusBus>> Open(RigClock& clock, const Buses::Modbus& where,
+                                                   ModbusBusOptions options);
   ~ModbusBus();
 
   // One request: all coils change together.
@@ -80,7 +89,12 @@ class ModbusBus {
   };
   using Context = std::unique_ptr<_modbus, ContextDeleter>;
 
-  ModbusBus(RigClock& clock, std::string endpoint, Context context, ModbusBusOptions options);
+  ModbusBus(RigClock& clock, std::string endpoint, Context context, UniqueFd claim,
+            ModbusBusOptions options);
+  static StatusOr<Context> TcpContext(std::string_view endpoint);
+  static StatusOr<std::unique_ptr<ModbusBus>> Begin(RigClock& clock, std::string endpoint,
+                                                    Context context, UniqueFd claim,
+                                                    ModbusBusOptions options);
   void Run();
   std::shared_ptr<Job> TakeJob();
   void Finish(const std::shared_ptr<Job>& job, Status result);
@@ -95,6 +109,7 @@ class ModbusBus {
 
   RigClock& clock_;
   const std::string endpoint_;
+  const UniqueFd claim_;  // of Open
   const ModbusBusOptions options_;
   // Of the bus thread:
   Context context_;

@@ -11,7 +11,7 @@ namespace {
 
 constexpr size_t kLongestInterface = 15;  // IFNAMSIZ less its zero
 constexpr size_t kLongestName = 31;       // GPIO_MAX_NAME_SIZE likewise
-constexpr size_t kLongestPath = 90;       // with what a claim's name has besides (device_claim.h)
+constexpr size_t kLongestPath = 80;       // with what a claim's name has besides (device_claim.h)
 
 // A word that can be handed to the kernel: printable, without spaces.
 std::string ReadName(TomlTable& t, std::string_view key, size_t longest) {

@@ -30,7 +30,12 @@ enum class MessageType : uint8_t {
   kAdvanced = 19,  // time: now; payload: u8 flags (AdvancedFlags)
 };
 
-enum class Role : uint8_t { kRig = 0, kInjector = 1 };
+enum class Role : uint8_t {
+  kRig = 0,       // moves time; one at a time
+  kInjector = 1,  // a hand at the rig
+  kRealTime = 2,  // speaks with devices too; while there is one, time passes by the wall clock
+};
+inline constexpr Role kLastRole = Role::kRealTime;
 
 enum class Answer : uint8_t {
   kRefused = 0,  // FailedPrecondition at the asker

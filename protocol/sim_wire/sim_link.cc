@@ -43,8 +43,9 @@ StatusOr<std::unique_ptr<SimLink>> SimLink::Connect(std::string_view endpoint,
   }
   MESORIG_ASSIGN_OR_RETURN(Fd fd, sim_wire::Connect(endpoint.substr(kPrefix.size())));
   std::string hello;
+  const Role role = options.live == nullptr ? Role::kRig : Role::kRealTime;
   AppendMessage({MessageType::kHello, 0, 0, {},
-                 ByteWriter().Put(kProtocolVersion).Put<uint8_t>(0).Take()},
+                 ByteWriter().Put(kProtocolVersion).Put(static_cast<uint8_t>(role)).Take()},
                 hello);
   MESORIG_RETURN_IF_ERROR(SendAll(fd.get(), hello, kSendTimeoutMs));
   MessageReader reader;
@@ -97,7 +98,13 @@ Status SimLink::Post(uint16_t device, std::string payload) {
   std::unique_lock lock(mutex_);
   if (!broken_.ok()) return broken_;
   posted_.push_back({device, std::move(payload)});
-  OnChangeLocked(lock);
+  if (options_.live != nullptr) {
+    std::string bytes;
+    TakePostedLocked(std::nullopt, bytes);
+    Send(bytes);
+  } else {
+    OnChangeLocked(lock);
+  }
   return OkStatus();
 }
 
@@ -147,7 +154,7 @@ void SimLink::TakePostedLocked(std::optional<uint16_t> device, std::string& byte
 }
 
 void SimLink::OnChangeLocked(std::unique_lock<std::mutex>&) {
-  if (!broken_.ok() || advancing_ || !QuiescentLocked()) return;
+  if (options_.live != nullptr || !broken_.ok() || advancing_ || !QuiescentLocked()) return;
   if (dead_end_ && posted_.empty() && EarliestDeadlineLocked() == kNever) return;
   if (PaceLocked() == Pace::kRealTime) {
     pace_due_ = true;
@@ -204,6 +211,12 @@ void SimLink::Handle(Envelope message) {
       // Time stands still until kAdvanced, so its readers wake at the right instant.
       now_ = std::max(now_, message.time);
       const auto handler = handlers_.find(message.device);
+      if (options_.live != nullptr) {
+        if (handler == handlers_.end()) return;
+        const RigTime now = options_.live->Now();
+        options_.live->Change([&] { handler->second(now, std::move(message.payload)); });
+        return;
+      }
       if (handler != handlers_.end()) handler->second(message.time, std::move(message.payload));
       if (!advancing_) {  // somebody's hand at the rig, outside any advance
         WakeReadyLocked();

@@ -2,6 +2,8 @@
 // The daemon's end of the wire to the simulator: device traffic and, inseparable from it, the
 // lockstep clock (docs/lockstep.md). When the simulator is gone the clock falls back to the
 // system's pace, so that deadlines still come and every device call fails with its reason.
+//
+// With SimLinkOptions::live it is a wire to devices and no clock: nobody waits in it.
 
 #include <atomic>
 #include <condition_variable>
@@ -26,6 +28,9 @@ struct SimLinkOptions {
   // A member that runs longer than this while it holds time is named in the log and to the
   // simulator.
   std::chrono::milliseconds watchdog{2000};
+  // The rig's clock where this link is not: the simulated devices then live in its real time
+  // (Role::kRealTime), and what they say is handed over inside its Change, at its time. Borrowed.
+  RigClock* live = nullptr;
 };
 
 // Thread-safe. Owns the socket, a reader thread and a host thread (signs of life, pacing).

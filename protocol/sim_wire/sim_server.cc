@@ -17,6 +17,7 @@ namespace {
 
 using HostClock = std::chrono::steady_clock;
 constexpr int kSendTimeoutMs = 5000;
+constexpr std::chrono::seconds kCatchUp{1};  // at a stretch, of devices slower than the wall clock
 
 pid_t PeerProcess(int fd) {
   ucred peer{};
@@ -61,6 +62,7 @@ void SimServer::Stop() {
 
 void SimServer::RunExclusive(const std::function<void(RigTime now)>& f) {
   MutexLock lock(mutex_);
+  if (running_on_) RunOn();
   f(now_);
 }
 
@@ -133,48 +135,26 @@ void SimServer::Serve(Client& client, Envelope message) {
   }
   const bool to_device =
       message.type == MessageType::kCommand || message.type == MessageType::kQuery;
-  if (to_device && (client.role != Role::kRig || message.device >= devices_.size())) {
+  if (to_device && (client.role == Role::kInjector || message.device >= devices_.size())) {
     return Drop(client, fmt::format("addressed device {} of {}", message.device, devices_.size()));
   }
+  if (to_device && client.role == Role::kRealTime) RunOn();  // to the present
   Outbox out;
   switch (message.type) {
-    case MessageType::kHello: {
-      ByteReader in(message.payload);
-      const auto version = in.Get<uint16_t>();
-      const auto role = in.Get<uint8_t>();
-      const auto owner = std::find_if(clients_.begin(), clients_.end(), [&](const auto& other) {
-        return other.get() != &client && !other->gone && other->greeted &&
-               other->role == Role::kRig;
-      });
-      if (!in.done() || version != kProtocolVersion || role > 1) {
-        return Reply(client, 0, InvalidArgument("the simulator speaks protocol version {}, not {}",
-                                                kProtocolVersion, version));
+    case MessageType::kHello:
+      if (const Status status = Welcomed(client, message.payload); !status.ok()) {
+        Reply(client, 0, status);
       }
-      client.role = static_cast<Role>(role);
-      if (client.role == Role::kRig && owner != clients_.end()) {
-        return Reply(client, 0, FailedPrecondition("another daemon drives this simulator (process {})",
-                                                   PeerProcess((*owner)->fd.get())));
-      }
-      client.greeted = true;
-      if (client.role == Role::kRig) {
-        had_rig_ = true;
-        deterministic_ = true;
-        outputs_.clear();
-      }
-      Welcome welcome = options_.welcome;
-      welcome.now = now_;
-      for (const SimDevice* device : devices_) welcome.devices.push_back(device->name());
-      std::string bytes;
-      AppendMessage({MessageType::kWelcome, 0, 0, now_, Pack(welcome)}, bytes);
-      if (!SendAll(client.fd.get(), bytes, kSendTimeoutMs).ok()) Drop(client, "does not read");
       return;
-    }
     case MessageType::kCommand:
       devices_[message.device]->Command(now_, message.payload, out);
-      return Collect(message.device, out);
+      Collect(message.device, out);
+      if (client.role == Role::kRealTime) FlushToRig();
+      return;
     case MessageType::kQuery: {
       const auto answer = devices_[message.device]->Query(now_, message.payload, out);
       Collect(message.device, out);
+      if (client.role == Role::kRealTime) FlushToRig();
       return Reply(client, message.id, answer);
     }
     case MessageType::kAdvance:
@@ -190,6 +170,52 @@ void SimServer::Serve(Client& client, Envelope message) {
     default:
       return Drop(client, "sent a message that only simulators send");
   }
+}
+
+const SimServer::Client* SimServer::FindRole(Role role) const {
+  for (const auto& client : clients_) {
+    if (client->greeted && !client->gone && client->role == role) return client.get();
+  }
+  return nullptr;
+}
+
+Status SimServer::MayJoin(Role role) const {
+  if (role == Role::kInjector) return OkStatus();
+  if (const Client* const rig = FindRole(Role::kRig)) {
+    return FailedPrecondition("another daemon drives this simulator (process {})",
+                              PeerProcess(rig->fd.get()));
+  }
+  const Client* const live = role == Role::kRig ? FindRole(Role::kRealTime) : nullptr;
+  if (live == nullptr) return OkStatus();
+  return FailedPrecondition("this simulator's time passes by the wall clock, for process {}",
+                            PeerProcess(live->fd.get()));
+}
+
+Status SimServer::Welcomed(Client& client, std::string_view hello) {
+  ByteReader in(hello);
+  const auto version = in.Get<uint16_t>();
+  const auto role = in.Get<uint8_t>();
+  if (!in.done() || version != kProtocolVersion || role > static_cast<uint8_t>(kLastRole)) {
+    return InvalidArgument("the simulator speaks protocol version {}, not {}", kProtocolVersion,
+                           version);
+  }
+  if (client.greeted) return FailedPrecondition("hello was said before");
+  MESORIG_RETURN_IF_ERROR(MayJoin(static_cast<Role>(role)));
+  client.role = static_cast<Role>(role);
+  client.greeted = true;
+  if (client.role != Role::kInjector) had_rig_ = true;
+  if (client.role == Role::kRig) {
+    deterministic_ = true;
+    outputs_.clear();
+  }
+  if (client.role == Role::kRealTime) RunOn();
+  Welcome welcome = options_.welcome;
+  welcome.now = now_;
+  for (const SimDevice* device : devices_) welcome.devices.push_back(device->name());
+  std::string bytes;
+  AppendMessage({MessageType::kWelcome, 0, 0, now_, Pack(welcome)}, bytes);
+  if (!SendAll(client.fd.get(), bytes, kSendTimeoutMs).ok()) Drop(client, "does not read");
+  return OkStatus();
 }
 
 Status SimServer::Inject(std::string_view text) {
@@ -255,10 +281,12 @@ void SimServer::FlushOutputs(std::string& bytes) {
 }
 
 void SimServer::FlushToRig() {
+  if (FindRole(Role::kRig) == nullptr && FindRole(Role::kRealTime) == nullptr) return;
+  std::string bytes;
+  FlushOutputs(bytes);
+  if (bytes.empty()) return;
   for (const auto& client : clients_) {
-    if (!client->greeted || client->role != Role::kRig || client->gone) continue;
-    std::string bytes;
-    FlushOutputs(bytes);
+    if (!client->greeted || client->role == Role::kInjector || client->gone) continue;
     if (!SendAll(client->fd.get(), bytes, kSendTimeoutMs).ok()) Drop(*client, "does not read");
   }
 }
@@ -286,7 +314,7 @@ bool SimServer::RunNextInstant(RigTime limit) {
 }
 
 void SimServer::Advance(Client& client, RigTime target) {
-  if (client.role != Role::kRig) return Drop(client, "an injector does not move time");
+  if (client.role != Role::kRig) return Drop(client, "does not move time, and tried");
   uint8_t flags = 0;
   // Outputs of commands of this very instant return it without moving time.
   while (outputs_.empty()) {
@@ -313,13 +341,12 @@ int SimServer::PollTimeoutMs() const {
 
 void SimServer::RunOn() {
   const auto host_now = HostClock::now();
-  const Client* rig = nullptr;
-  for (const auto& client : clients_) {
-    if (client->greeted && client->role == Role::kRig && !client->gone) rig = client.get();
-  }
+  const Client* const rig = FindRole(Role::kRig);
+  const bool live = FindRole(Role::kRealTime) != nullptr;
   const bool silent = rig != nullptr && host_now - rig->last_heard > options_.silence_limit;
-  const bool alone = rig == nullptr && (had_rig_ || !options_.pause_without_client);
-  if (!silent && !alone) {
+  const bool alone =
+      rig == nullptr && !live && (had_rig_ || !options_.pause_without_client);
+  if (!silent && !alone && !live) {
     running_on_ = false;
     return;
   }
@@ -330,13 +357,19 @@ void SimServer::RunOn() {
     if (silent) {
       deterministic_ = false;
       Log("link").warn("no sign of life for {} ms (last word: {}); time runs on by itself",
-                   options_.silence_limit.count(), rig->holder.empty() ? "none" : rig->holder);
+                       options_.silence_limit.count(), rig->holder.empty() ? "none" : rig->holder);
     }
   }
-  const RigTime target = run_on_now_ + (host_now - run_on_host_);
-  while (RunNextInstant(target)) outputs_.clear();  // nobody listens
-  outputs_.clear();
-  now_ = std::max(now_, target);
+  // (Devices may take their time: the present is where the wall clock is after that.)
+  while (HostClock::now() - host_now < kCatchUp) {
+    const RigTime target = run_on_now_ + (HostClock::now() - run_on_host_);
+    const bool ran = RunNextInstant(target);
+    if (live) FlushToRig();
+    outputs_.clear();  // nobody else listens
+    if (ran) continue;
+    now_ = std::max(now_, target);
+    return;
+  }
 }
 
 }  // namespace mesorig::sim_wire

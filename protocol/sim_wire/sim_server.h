@@ -73,7 +73,7 @@ class SimServer {
   void Stop();
   // Runs `f` as a command of the present instant: the entrance for buses with a wire of their own
   // (Modbus TCP). The caller's request must come from a rig thread that is not waiting, so that
-  // time stands still meanwhile.
+  // time stands still meanwhile (in real time it does not).
   void RunExclusive(const std::function<void(RigTime now)>& f);
   // DEVICE FAULT..., as from the back-channel; InvalidArgument when there is no such thing.
   Status InjectNow(std::string_view text);
@@ -88,6 +88,10 @@ class SimServer {
   void FlushOutputs(std::string& bytes) REQUIRES(mutex_);
   // Sends what an injection caused at once: time need not move for an edge to be seen.
   void FlushToRig() REQUIRES(mutex_);
+  // Why a client that would be the rig's, in lockstep or in real time, may not be.
+  Status MayJoin(Role role) const REQUIRES(mutex_);
+  Status Welcomed(Client& client, std::string_view hello) REQUIRES(mutex_);
+  const Client* FindRole(Role role) const REQUIRES(mutex_);
   void Reply(Client& client, uint32_t id, const StatusOr<std::string>& answer) REQUIRES(mutex_);
   // "rig leap SECONDS", or DEVICE and what it shall do.
   Status Inject(std::string_view text) REQUIRES(mutex_);

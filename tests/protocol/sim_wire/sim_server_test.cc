@@ -5,8 +5,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <thread>
+#include <vector>
 
 #include "protocol/base/bytes.h"
 #include "protocol/sim_wire/sim_link.h"
@@ -88,6 +90,69 @@ class SimServerTest : public ::testing::Test {
   std::unique_ptr<SimServer> server_;
   std::thread thread_;
 };
+
+// A rig on real buses: its clock is the system's, and what is simulated lives beside it.
+TEST_F(SimServerTest, InRealTimeSeveralClientsShareTheDevices) {
+  ticker_.period = milliseconds(20);
+  Start();
+  SystemRigClock clock;
+  SimLinkOptions live;
+  live.live = &clock;
+  const auto one = Link(live), two = Link(live);
+  std::vector<RigTime> heard[2];
+  for (int i = 0; i < 2; ++i) {
+    (i == 0 ? one : two)->Subscribe(0, [&heard, i](RigTime now, const std::string&) {
+      heard[i].push_back(now);
+    });
+  }
+  const auto count = [&](int i) {
+    size_t n = 0;
+    clock.Read([&] { n = heard[i].size(); });
+    return n;
+  };
+  ASSERT_TRUE(Eventually([&] { return count(0) >= 10 && count(1) >= 10; })) << "nobody moves time";
+  clock.Read([&] {
+    EXPECT_TRUE(std::is_sorted(heard[0].begin(), heard[0].end()));
+    EXPECT_GE(heard[0][9] - heard[0][0], milliseconds(100)) << "faster than the wall clock";
+  });
+  ASSERT_TRUE(one->Post(0, "now").ok());
+  ASSERT_TRUE(Eventually([&] { return ticker_.commanded_at.load() >= milliseconds(100); }));
+  EXPECT_TRUE(two->Query(0, "").ok());
+  EXPECT_TRUE(absl::IsFailedPrecondition(two->Query(0, "fail").status()));
+  const Status lockstep = SimLink::Connect("unix:" + (dir_ / "s").string()).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(lockstep));
+  EXPECT_NE(Message(lockstep).find("wall clock"), std::string_view::npos) << lockstep;
+}
+
+TEST_F(SimServerTest, InRealTimeCommandsMeetThePresentHoweverLongDevicesCompute) {
+  ticker_.period = milliseconds(200);
+  ticker_.busy = milliseconds(60);
+  Start();
+  SystemRigClock clock;
+  SimLinkOptions live;
+  live.live = &clock;
+  const auto link = Link(live);
+  const auto began = std::chrono::steady_clock::now();
+  const RigTime simulated = link->welcome().now;
+  for (int i = 0; i < 20; ++i) {
+    const auto posted = std::chrono::steady_clock::now() - began;
+    ASSERT_TRUE(link->Post(0, "").ok());
+    ASSERT_TRUE(link->Query(0, "").ok());  // after it
+    // As an exposure: not before its trigger.
+    ASSERT_GE(ticker_.commanded_at.load() - simulated, posted - milliseconds(1)) << i;
+  }
+}
+
+TEST_F(SimServerTest, NobodyJoinsARigInLockstep) {
+  Start();
+  const auto rig = Link();
+  SystemRigClock clock;
+  SimLinkOptions live;
+  live.live = &clock;
+  const Status refused = SimLink::Connect("unix:" + (dir_ / "s").string(), live).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(refused));
+  EXPECT_NE(Message(refused).find("another daemon"), std::string_view::npos) << refused;
+}
 
 TEST_F(SimServerTest, TimeStandsStillWithoutActivityAndJumpsWithOne) {
   Start();
