@@ -5,6 +5,7 @@
 #include "daemon/app/access_options.h"
 #include "daemon/app/check_settings.h"
 #include "daemon/app/serve.h"
+#include "protocol/base/frame_memory.h"
 #include "protocol/base/program.h"
 #include "protocol/base/runtime_dir.h"
 
@@ -81,6 +82,7 @@ int main(int argc, char** argv) {
   return RunProgram(app, "mesorigd", argc, argv, [&]() -> Status {
     MESORIG_ASSIGN_OR_RETURN(const daemon::Settings settings, daemon::Gather(line));
     if (line.check) return daemon::CheckSettings(settings);
+    KeepFreedFrames();
     return daemon::Serve(settings, [&] { return daemon::Gather(line); });
   });
 }

@@ -7,8 +7,7 @@
 namespace mesorig::daemon {
 
 GroupCommitter::GroupCommitter(std::unique_ptr<Ledger> ledger, SegmentWriters segments,
-                               size_t max_queued_bytes,
-                               std::function<void(const std::vector<FrameRecord>&)> on_commit,
+                               size_t max_queued_bytes, OnCommit on_commit,
                                std::function<void(const Status&)> on_storage)
     : max_queued_bytes_(max_queued_bytes),
       on_commit_(std::move(on_commit)),
@@ -179,7 +178,7 @@ Status GroupCommitter::CommitGroup() {
     is_synced_ = true;
   }
   MESORIG_RETURN_IF_ERROR(ledger_->Commit(rows_, entries_));
-  if (!rows_.empty()) on_commit_(rows_);
+  if (!rows_.empty()) on_commit_(rows_, pixels_);
   committed_ += rows_.size() + entries_.size();
   committed_bytes_ += group_bytes_;
   rows_.clear();

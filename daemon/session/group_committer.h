@@ -28,12 +28,13 @@ inline constexpr std::chrono::milliseconds kRetryInterval{500};
 
 class GroupCommitter {
  public:
-  // `on_commit` is called on the writer thread with the rows of each group, in order of Append;
-  // `on_storage` on the same thread, when the disk takes nothing any more, for another reason than
-  // before, or (OK) takes it again.
+  using Pixels = std::vector<std::shared_ptr<const std::string>>;
+  using OnCommit = std::function<void(const std::vector<FrameRecord>&, const Pixels&)>;
+  // `on_commit` is called on the writer thread with the rows of each group and their pixels, in
+  // order of Append; `on_storage` on the same thread, when the disk takes nothing any more, for
+  // another reason than before, or (OK) takes it again.
   GroupCommitter(std::unique_ptr<Ledger> ledger, SegmentWriters segments, size_t max_queued_bytes,
-                 std::function<void(const std::vector<FrameRecord>&)> on_commit,
-                 std::function<void(const Status&)> on_storage);
+                 OnCommit on_commit, std::function<void(const Status&)> on_storage);
   ~GroupCommitter();  // Close
   GroupCommitter(const GroupCommitter&) = delete;
   GroupCommitter& operator=(const GroupCommitter&) = delete;
@@ -76,7 +77,7 @@ class GroupCommitter {
   Status StorageLocked() const REQUIRES(mutex_);
 
   const size_t max_queued_bytes_;
-  const std::function<void(const std::vector<FrameRecord>&)> on_commit_;
+  const OnCommit on_commit_;
   const std::function<void(const Status&)> on_storage_;
 
   mutable Mutex mutex_;
@@ -96,7 +97,7 @@ class GroupCommitter {
   std::unique_ptr<Ledger> ledger_;
   SegmentWriters segments_;
   std::vector<FrameRecord> rows_;
-  std::vector<std::shared_ptr<const std::string>> pixels_;  // one a row
+  Pixels pixels_;  // one a row
   std::vector<JournalEntry> entries_;
   size_t written_ = 0;      // rows in their segments
   bool is_synced_ = false;  // all of them

@@ -18,6 +18,7 @@ constexpr std::string_view kFileMagic = "mesoseg\n";
 constexpr uint32_t kRecordMagic = 0x314D5246;  // "FRM1"
 constexpr size_t kCheckBytes = 16;             // of a header: the first half of its digest
 constexpr size_t kMaxFileHeader = 4096;
+constexpr size_t kWritebackBytes = 512 << 10;  // less is not worth a request of its own
 
 // Appends the check of everything before it.
 std::string WithCheck(std::string header) {
@@ -86,7 +87,7 @@ StatusOr<SegmentWriter> SegmentWriter::Open(const std::filesystem::path& path, i
   SegmentWriter writer(path, std::move(fd), is_new, faults);
   const std::string header = FileHeader(camera, camera_name);
   const auto size = static_cast<uint64_t>(info.st_size);
-  writer.end_ = std::max<uint64_t>(end, header.size());
+  writer.Rewind(std::max<uint64_t>(end, header.size()));
   if (size > writer.end_) MESORIG_RETURN_IF_ERROR(writer.CutAt(writer.end_));
   // (The header of a file with records is left as it is: the ledger knows where they are.)
   if (size < header.size() || (end == 0 && size > header.size())) {
@@ -133,7 +134,17 @@ StatusOr<uint64_t> SegmentWriter::Append(uint64_t sequence, uint32_t shot, std::
   MESORIG_RETURN_IF_ERROR(Write(header, offset));
   MESORIG_RETURN_IF_ERROR(Write(pixels, offset + header.size()));
   end_ = offset + header.size() + pixels.size();
+  StartWriteback();
   return offset;
+}
+
+// The disk works while the next frames are digested and copied, and a sync finds little left to do.
+// Only a hint: what goes wrong is told by the sync.
+void SegmentWriter::StartWriteback() {
+  if (end_ - writeback_end_ < kWritebackBytes) return;
+  (void)::sync_file_range(fd_.get(), static_cast<off_t>(writeback_end_),
+                          static_cast<off_t>(end_ - writeback_end_), SYNC_FILE_RANGE_WRITE);
+  writeback_end_ = end_;
 }
 
 Status SegmentWriter::Sync() {

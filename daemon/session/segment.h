@@ -39,7 +39,7 @@ class SegmentWriter {
   Status Sync();
   uint64_t end() const { return end_; }
   // The next record goes there.
-  void Rewind(uint64_t end) { end_ = end; }
+  void Rewind(uint64_t end) { end_ = writeback_end_ = end; }
   // Open created it: its folder must be synced too.
   bool is_new() const { return is_new_; }
 
@@ -47,6 +47,7 @@ class SegmentWriter {
   SegmentWriter(std::filesystem::path path, UniqueFd fd, bool is_new, DiskFaults* faults)
       : path_(std::move(path)), fd_(std::move(fd)), is_new_(is_new), faults_(faults) {}
   Status Write(std::string_view bytes, uint64_t offset);
+  void StartWriteback();
   Status CutAt(uint64_t end);
 
   std::filesystem::path path_;
@@ -54,6 +55,7 @@ class SegmentWriter {
   bool is_new_;
   DiskFaults* faults_;
   uint64_t end_ = 0;
+  uint64_t writeback_end_ = 0;  // the disk has been told to begin with what lies before
 };
 
 // Bytes from the outside, without a file. Of a file header (the first kilobytes of a segment):

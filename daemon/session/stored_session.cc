@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "daemon/session/reconcile.h"
+#include "protocol/base/frame_memory.h"
 
 namespace mesorig::daemon {
 namespace {
@@ -32,7 +33,8 @@ StoredSession::StoredSession(SessionFolder folder, Rig rig, std::string plan_bin
       next_sequence_(rig_.cameras.size(), 1),
       durable_(rig_.cameras.size(), 0),
       latest_(rig_.cameras.size()),
-      segments_(folder_, id_, CameraNames(rig_)) {}
+      segments_(folder_, id_, CameraNames(rig_)),
+      recent_(rig_.cameras.size(), kRecentBytes) {}
 
 Status StoredSession::OpenForReading(DiskFaults* faults) {
   faults_ = faults;
@@ -70,7 +72,7 @@ Status StoredSession::BeginWriting(const CompiledPlan& plan, const SessionOption
   }
   writer_ = std::make_unique<GroupCommitter>(
       std::move(ledger), std::move(writers), options.max_queued_bytes,
-      [this](const std::vector<FrameRecord>& rows) { OnCommit(rows); },
+      [this](const auto& rows, const auto& pixels) { OnCommit(rows, pixels); },
       [this](const Status& status) { OnStorageChange(status); });
   return OkStatus();
 }
@@ -184,7 +186,8 @@ Status StoredSession::CheckAgain(const CompiledPlan& plan, const ShotSelection& 
   const PlannedSweeps sweeps(plan);
   for (const SelectedShot& selected : again) {
     if (selected.shot >= plan.shots) {
-      return InvalidArgument("session {}: shot {}, the plan has {}", id_, selected.shot, plan.shots);
+      return InvalidArgument("session {}: shot {}, the plan has {}", id_, selected.shot,
+                             plan.shots);
     }
     for (const int camera : selected.cameras) {
       if (camera < 0 || static_cast<size_t>(camera) >= rig_.cameras.size()) {
@@ -251,7 +254,10 @@ StatusOr<uint32_t> StoredSession::DropDamaged() {
   return damaged;
 }
 
-void StoredSession::OnCommit(const std::vector<FrameRecord>& rows) {
+void StoredSession::OnCommit(const std::vector<FrameRecord>& rows,
+                             const GroupCommitter::Pixels& pixels) {
+  // (Before a consumer hears of them.)
+  for (size_t i = 0; i < rows.size(); ++i) recent_.Add(rows[i], pixels[i]);
   uint32_t frames_durable = 0;
   {
     MutexLock lock(mutex_);
@@ -281,6 +287,8 @@ Status StoredSession::WriteEnd(SessionSummary ended, const JournalEntry& entry,
   if (!written.ok() && must_be_written && absl::IsUnavailable(written)) return written;
   const Status closed = writer_->Close();
   writer_.reset();
+  recent_.Clear();
+  ReturnFreedFrames();
   lock_ = UniqueFd();
   if (written.ok()) written = (*ledger)->Checkpoint();
   if (!written.ok() && ended.end == SessionEnd::kIncomplete && closed.ok()) {
@@ -319,8 +327,8 @@ Status StoredSession::Finish(bool complete, std::string_view reason, double virt
   ended.virtual_s = before_.virtual_s + virtual_s;
   ended.wall_s = before_.wall_s + (std::isfinite(wall_s) ? wall_s : 0);
   ended.deterministic = before_.deterministic && deterministic;
-  const JournalEntry entry{JournalKind::kEnded, began_rig_ns_ + std::llround(virtual_s * 1e9), -1, 0,
-                           ended.end == SessionEnd::kComplete ? "complete" : ended.reason};
+  const JournalEntry entry{JournalKind::kEnded, began_rig_ns_ + std::llround(virtual_s * 1e9), -1,
+                           0, ended.end == SessionEnd::kComplete ? "complete" : ended.reason};
   const Status written = WriteEnd(std::move(ended), entry, complete);
   return status.ok() ? written : status;
 }

@@ -14,6 +14,7 @@
 #include "daemon/session/ledger.h"
 #include "daemon/session/live_frames.h"
 #include "daemon/session/planned_sweeps.h"
+#include "daemon/session/recent_frames.h"
 #include "daemon/session/segment_files.h"
 #include "daemon/session/session.h"
 #include "daemon/session/session_folder.h"
@@ -33,8 +34,8 @@ class StoredSession final : public Session {
   // Then: begins writing, at the end of what the ledger has. FailedPrecondition when somebody else
   // writes it.
   Status BeginWriting(const CompiledPlan& plan, const SessionOptions& options, bool resumes);
-  // As SessionOptions::again asks: whether that is possible, before anything is written, and what it
-  // does to Missing.
+  // As SessionOptions::again asks: whether that is possible, before anything is written, and what
+  // it does to Missing.
   Status CheckAgain(const CompiledPlan& plan, const ShotSelection& again);
   void Forget(const ShotSelection& again);
   void StaysComplete() { stays_complete_ = true; }
@@ -83,7 +84,8 @@ class StoredSession final : public Session {
   StatusOr<uint64_t> RowOf(int camera, uint32_t shot);
   // Fills in what is there by the ledger's rows, and where their segments end.
   StatusOr<SegmentEnds> ReadPlaces(Ledger& ledger) EXCLUDES(mutex_);
-  void OnCommit(const std::vector<FrameRecord>& rows);
+  void OnCommit(const std::vector<FrameRecord>& rows, const GroupCommitter::Pixels& pixels);
+  std::optional<StoredFrame> FindRecent(int camera, uint64_t sequence);
   void OnStorageChange(const Status& status);
   Status WriteEnd(SessionSummary ended, const JournalEntry& entry, bool must_be_written);
   StatusOr<FrameRecord> FindRow(int camera, uint64_t sequence);
@@ -105,8 +107,8 @@ class StoredSession final : public Session {
   CompiledPlan plan_;
   PlannedSweeps sweeps_;
   DiskFaults* faults_ = nullptr;
-  UniqueFd lock_;          // on the folder: one writer
-  SessionSummary before_;  // the session record when this run began
+  UniqueFd lock_;             // on the folder: one writer
+  SessionSummary before_;     // the session record when this run began
   int64_t began_rig_ns_ = 0;  // when it did
   bool stays_complete_ = false;
 
@@ -127,6 +129,7 @@ class StoredSession final : public Session {
   std::vector<LiveFrame> latest_ GUARDED_BY(latest_mutex_);  // one a camera; count 0: none yet
 
   SegmentReaders segments_;
+  RecentFrames recent_;  // of this writer
   Mutex release_mutex_;  // one ReleaseSweep at a time; taken before the others
 
   Mutex reader_mutex_;

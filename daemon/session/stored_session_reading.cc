@@ -68,6 +68,12 @@ StatusOr<FrameRecord> StoredSession::FindRow(int camera, uint64_t sequence) {
   return *std::move(row);
 }
 
+std::optional<StoredFrame> StoredSession::FindRecent(int camera, uint64_t sequence) {
+  std::optional<StoredFrame> frame = recent_.Find(camera, sequence);
+  if (frame && segments_.IsReleased(frame->record.segment)) return std::nullopt;
+  return frame;
+}
+
 StatusOr<std::optional<StoredFrame>> StoredSession::Next(int camera, uint64_t cursor, int wait_ms) {
   if (camera < 0 || static_cast<size_t>(camera) >= rig_.cameras.size()) {
     return InvalidArgument("session {}: camera {}, the rig has {}", id_, camera,
@@ -75,6 +81,7 @@ StatusOr<std::optional<StoredFrame>> StoredSession::Next(int camera, uint64_t cu
   }
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::milliseconds(wait_ms);
   while (WaitForRow(camera, cursor, deadline)) {
+    if (auto recent = FindRecent(camera, cursor + 1)) return recent;
     MESORIG_ASSIGN_OR_RETURN(FrameRecord row, FindRow(camera, cursor + 1));
     MESORIG_ASSIGN_OR_RETURN(auto pixels, segments_.Read(row));
     if (pixels != nullptr) {

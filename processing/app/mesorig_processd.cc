@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "processing/service/processing_server.h"
+#include "protocol/base/frame_memory.h"
 #include "protocol/base/log.h"
 #include "protocol/base/program.h"
 #include "protocol/base/runtime_dir.h"
@@ -89,6 +90,7 @@ int main(int argc, char** argv) {
     if (app.count("--log-level") + app.count("--log-format") > 0) {
       MESORIG_RETURN_IF_ERROR(mesorig::SetLogging(log));
     }
+    mesorig::KeepFreedFrames();
     return mesorig::Serve(options);
   });
 }

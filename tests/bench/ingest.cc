@@ -9,8 +9,9 @@
 #include <thread>
 
 #include "daemon/service/books.h"
-#include "protocol/base/file_writer.h"
 #include "protocol/base/check.h"
+#include "protocol/base/file_writer.h"
+#include "protocol/base/frame_memory.h"
 #include "protocol/base/mutex.h"
 #include "protocol/base/program.h"
 #include "tests/bench/consumer.h"
@@ -240,6 +241,7 @@ Status Run(const Options& options) {
 
 int main(int argc, char** argv) {
   using namespace mesorig;
+  KeepFreedFrames();  // as mesorigd and mesorig-processd do
   const std::vector<std::string> arguments(argv + 1, argv + argc);
   if (!arguments.empty() && arguments[0] == "consume") {
     return bench::Consume(arguments.at(1), arguments.at(2), std::stod(arguments.at(3)));
