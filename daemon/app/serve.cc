@@ -6,7 +6,7 @@
 #include <csignal>
 #include <thread>
 
-#include "daemon/app/simulated_rig.h"
+#include "daemon/app/attached_rig.h"
 #include "daemon/app/state_claim.h"
 #include "daemon/app/supervision.h"
 #include "daemon/service/access.h"
@@ -62,7 +62,7 @@ void EndAnyhow() {
   }).detach();
 }
 
-void StopPlan(SimulatedRig& rig, std::string_view reason) {
+void StopPlan(AttachedRig& rig, std::string_view reason) {
   Sequencer& sequencer = rig.sequencer();
   if (!Runs(sequencer)) return;
   if (const Status status = sequencer.Stop(reason); !status.ok()) {
@@ -108,7 +108,7 @@ StatusOr<std::unique_ptr<StopDoor>> OpenStopDoor(const Settings& settings, Seque
 }
 
 // Until a signal comes that ends it. Returns the fault, if one came before.
-Status Supervise(const Signals& signals, const SimulatedRig& rig, DaemonService& service,
+Status Supervise(const Signals& signals, const AttachedRig& rig, DaemonService& service,
                  Supervision& supervision, const ServiceManager& manager,
                  const std::function<StatusOr<Settings>()>& reread) {
   Status fault;
@@ -141,7 +141,7 @@ Status Serve(const Settings& settings, const std::function<StatusOr<Settings>()>
                            PublishedEndpoint::Claim(settings.runtime_dir, wire::kDaemonName));
   MESORIG_ASSIGN_OR_RETURN(const FileClaim claim, ClaimState(settings.state_dir));
   MESORIG_ASSIGN_OR_RETURN(const auto rig,
-                           SimulatedRig::Connect(settings.runtime_dir, rig_description));
+                           AttachedRig::Connect(settings.runtime_dir, rig_description));
   MESORIG_ASSIGN_OR_RETURN(const auto service,
                            DaemonService::Create(rig_description, rig->sequencer(),
                                                  settings.state_dir, &rig->manual()));

@@ -36,7 +36,7 @@ std::string Lines(const std::vector<std::string>& lines) {
 
 }  // namespace
 
-Supervision::Supervision(const Settings& settings, const Rig& rig, SimulatedRig& devices,
+Supervision::Supervision(const Settings& settings, const Rig& rig, AttachedRig& devices,
                          DaemonService& service, Access& access,
                          const ServiceManager& manager)
     : rig_(rig),
@@ -49,7 +49,7 @@ Supervision::Supervision(const Settings& settings, const Rig& rig, SimulatedRig&
       verified_at_(HostClock::now()) {}
 
 StatusOr<std::unique_ptr<Supervision>> Supervision::Start(const Settings& settings, const Rig& rig,
-                                                          SimulatedRig& devices,
+                                                          AttachedRig& devices,
                                                           DaemonService& service,
                                                           Access& access,
                                                           const ServiceManager& manager) {

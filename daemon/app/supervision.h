@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "daemon/app/settings.h"
-#include "daemon/app/simulated_rig.h"
+#include "daemon/app/attached_rig.h"
 #include "daemon/app/watchdog.h"
 #include "daemon/service/access.h"
 #include "daemon/service/daemon_service.h"
@@ -20,7 +20,7 @@ namespace mesorig::daemon {
 class Supervision {
  public:
   static StatusOr<std::unique_ptr<Supervision>> Start(const Settings& settings, const Rig& rig,
-                                                      SimulatedRig& devices, DaemonService& service,
+                                                      AttachedRig& devices, DaemonService& service,
                                                       Access& access,
                                                       const ServiceManager& manager);
   ~Supervision();
@@ -33,7 +33,7 @@ class Supervision {
   int metrics_port() const { return metrics_ ? metrics_->port() : 0; }
 
  private:
-  Supervision(const Settings& settings, const Rig& rig, SimulatedRig& devices,
+  Supervision(const Settings& settings, const Rig& rig, AttachedRig& devices,
               DaemonService& service, Access& access, const ServiceManager& manager);
   std::vector<ProgressSource> Sources();
   // Host time for which a rig thread has been running without a sign of life.
@@ -43,7 +43,7 @@ class Supervision {
   std::vector<DiagnosticFile> Diagnose();
 
   const Rig& rig_;
-  SimulatedRig& devices_;
+  AttachedRig& devices_;
   DaemonService& service_;
   Access& access_;
   const ServiceManager& manager_;

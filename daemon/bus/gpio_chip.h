@@ -18,6 +18,8 @@ class GpioChip {
   static StatusOr<std::unique_ptr<GpioChip>> Open(const std::string& chip);
 
   virtual int lines() const = 0;
+  // The number of the line that the kernel (its device tree, its driver) calls so. NotFound.
+  virtual StatusOr<int> Find(const std::string& name) = 0;
   // An input with events at both edges; returns the descriptor that becomes readable with each, the
   // chip's. FailedPrecondition: somebody else has the line, the message says who; InvalidArgument:
   // the chip has no such line.

@@ -19,8 +19,13 @@ class GpioChipV1 final : public GpioChip {
 
   int lines() const override { return static_cast<int>(::gpiod_chip_num_lines(chip_)); }
 
+  StatusOr<int> Find(const std::string& name) override {
+    gpiod_line* const handle = ::gpiod_chip_find_line(chip_, name.c_str());
+    if (handle != nullptr) return static_cast<int>(::gpiod_line_offset(handle));
+    return NotFound("{}: it has no line named \"{}\"", name_, name);
+  }
   StatusOr<int> RequestInput(int line, const std::string& consumer) override {
-    MESORIG_ASSIGN_OR_RETURN(gpiod_line * const handle, Find(line));
+    MESORIG_ASSIGN_OR_RETURN(gpiod_line * const handle, Handle(line));
     if (::gpiod_line_request_both_edges_events(handle, consumer.c_str()) != 0) {
       return Refused(line, handle);
     }
@@ -29,7 +34,7 @@ class GpioChipV1 final : public GpioChip {
     return ::gpiod_line_event_get_fd(handle);
   }
   Status RequestOutput(int line, bool level, const std::string& consumer) override {
-    MESORIG_ASSIGN_OR_RETURN(gpiod_line * const handle, Find(line));
+    MESORIG_ASSIGN_OR_RETURN(gpiod_line * const handle, Handle(line));
     if (::gpiod_line_request_output(handle, consumer.c_str(), level ? 1 : 0) != 0) {
       return Refused(line, handle);
     }
@@ -62,7 +67,7 @@ class GpioChipV1 final : public GpioChip {
   }
 
  private:
-  StatusOr<gpiod_line*> Find(int line) {
+  StatusOr<gpiod_line*> Handle(int line) {
     if (line < 0 || line >= lines()) {
       return InvalidArgument("{}: line {} is not in [0, {}]", name_, line, lines() - 1);
     }

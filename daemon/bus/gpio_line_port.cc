@@ -12,6 +12,41 @@ namespace {
 
 using HostClock = std::chrono::steady_clock;
 
+// A chip whose lines are called by the numbers of the rig file.
+class NamedChip final : public GpioChip {
+ public:
+  NamedChip(std::unique_ptr<GpioChip> chip, std::map<int, int> there)
+      : chip_(std::move(chip)), there_(std::move(there)) {}
+  int lines() const override { return chip_->lines(); }
+  StatusOr<int> Find(const std::string& name) override { return chip_->Find(name); }
+  StatusOr<int> RequestInput(int line, const std::string& consumer) override {
+    return chip_->RequestInput(There(line), consumer);
+  }
+  Status RequestOutput(int line, bool level, const std::string& consumer) override {
+    return chip_->RequestOutput(There(line), level, consumer);
+  }
+  StatusOr<bool> Get(int line) override { return chip_->Get(There(line)); }
+  Status Set(int line, bool level) override { return chip_->Set(There(line), level); }
+  StatusOr<bool> TakeEdge(int line) override { return chip_->TakeEdge(There(line)); }
+
+ private:
+  int There(int line) const {
+    const auto found = there_.find(line);
+    return found == there_.end() ? line : found->second;
+  }
+  const std::unique_ptr<GpioChip> chip_;
+  const std::map<int, int> there_;
+};
+
+StatusOr<std::shared_ptr<GpioChip>> OpenNamed(const GpioLineOptions& options) {
+  MESORIG_ASSIGN_OR_RETURN(std::unique_ptr<GpioChip> chip, GpioChip::Open(options.chip));
+  std::map<int, int> there;
+  for (const auto& [line, name] : options.names) {
+    MESORIG_ASSIGN_OR_RETURN(there[line], chip->Find(name));
+  }
+  return std::make_shared<NamedChip>(std::move(chip), std::move(there));
+}
+
 }  // namespace
 
 StatusOr<std::unique_ptr<GpioLinePort>> GpioLinePort::Open(RigClock& clock,
@@ -27,7 +62,7 @@ GpioLinePort::GpioLinePort(RigClock& clock, GpioLineOptions options)
     : clock_(clock),
       options_(std::move(options)),
       wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-  for (const int line : options_.outputs) written_[line] = false;
+  for (const int line : options_.outputs) outputs_[line] = {};
 }
 
 GpioLinePort::~GpioLinePort() {
@@ -35,21 +70,25 @@ GpioLinePort::~GpioLinePort() {
     MutexLock lock(mutex_);
     ending_ = true;
   }
+  Wake();
+  if (reader_.joinable()) reader_.join();
+}
+
+void GpioLinePort::Wake() {
   const uint64_t one = 1;
   (void)!::write(wake_.get(), &one, sizeof(one));
-  if (reader_.joinable()) reader_.join();
 }
 
 StatusOr<GpioLinePort::Opened> GpioLinePort::OpenChip() {
   Opened opened;
-  MESORIG_ASSIGN_OR_RETURN(opened.chip, GpioChip::Open(options_.chip));
-  std::map<int, bool> written;
+  MESORIG_ASSIGN_OR_RETURN(opened.chip, OpenNamed(options_));
+  std::map<int, Output> outputs;
   {
     MutexLock lock(mutex_);
-    written = written_;
+    outputs = outputs_;
   }
-  for (const auto& [line, level] : written) {
-    MESORIG_RETURN_IF_ERROR(opened.chip->RequestOutput(line, level, options_.consumer));
+  for (const auto& [line, output] : outputs) {
+    MESORIG_RETURN_IF_ERROR(opened.chip->RequestOutput(line, output.told, options_.consumer));
   }
   for (const int line : options_.inputs) {
     Input& input = opened.inputs[line];
@@ -74,10 +113,41 @@ StatusOr<bool> GpioLinePort::Read(int line) {
 
 Status GpioLinePort::Write(int line, bool level) {
   MESORIG_ASSIGN_OR_RETURN(const auto chip, Chip());
-  MESORIG_RETURN_IF_ERROR(chip->Set(line, level));
   MutexLock lock(mutex_);
-  written_[line] = level;
+  const auto found = outputs_.find(line);
+  if (found == outputs_.end()) {
+    return InvalidArgument("{}: line {} is no output", options_.chip, line);
+  }
+  Output& output = found->second;
+  const auto now = HostClock::now();
+  if (!level && output.told && now < output.rose + options_.shortest_pulse) {
+    output.falls_at = output.rose + options_.shortest_pulse;
+    output.told = false;
+    Wake();
+    return OkStatus();
+  }
+  if (level && output.falls_at != HostTime::max()) {
+    MESORIG_RETURN_IF_ERROR(chip->Set(line, false));  // a rise is a rise
+  }
+  MESORIG_RETURN_IF_ERROR(chip->Set(line, level));
+  if (level && !output.told) output.rose = now;
+  if (level) output.falls_at = HostTime::max();
+  output.told = level;
   return OkStatus();
+}
+
+StatusOr<GpioLinePort::HostTime> GpioLinePort::Fall(GpioChip& chip) {
+  HostTime next = HostTime::max();
+  const auto now = HostClock::now();
+  MutexLock lock(mutex_);
+  for (auto& [line, output] : outputs_) {
+    if (output.falls_at <= now) {
+      MESORIG_RETURN_IF_ERROR(chip.Set(line, false));
+      output.falls_at = HostTime::max();
+    }
+    next = std::min(next, output.falls_at);
+  }
+  return next;
 }
 
 void GpioLinePort::OnEdge(std::function<void(int line, bool level, RigTime when)> handler) {
@@ -121,13 +191,16 @@ Status GpioLinePort::Settle(GpioChip& chip, int line, Input& input) {
 
 Status GpioLinePort::Look(Opened& opened) {
   std::vector<pollfd> polls = {{wake_.get(), POLLIN, 0}};
-  HostTime until = HostClock::now() + kRetry;
+  MESORIG_ASSIGN_OR_RETURN(HostTime until, Fall(*opened.chip));
+  until = std::min(until, HostClock::now() + kRetry);
   for (const auto& [line, input] : opened.inputs) {
     polls.push_back({input.fd, POLLIN, 0});
     until = std::min(until, input.closes_at);
   }
   const auto wait = std::chrono::ceil<std::chrono::milliseconds>(until - HostClock::now());
   ::poll(polls.data(), polls.size(), static_cast<int>(std::max<int64_t>(wait.count(), 0)));
+  uint64_t woken = 0;
+  (void)!::read(wake_.get(), &woken, sizeof(woken));
   size_t i = 0;
   for (auto& [line, input] : opened.inputs) {
     const short events = polls[++i].revents;
@@ -166,6 +239,7 @@ void GpioLinePort::Run(Opened opened) {
       opened.chip = nullptr;
       MutexLock lock(mutex_);
       chip_ = nullptr;
+      for (auto& [line, output] : outputs_) output.falls_at = HostTime::max();
     }
     pollfd wake{wake_.get(), POLLIN, 0};
     ::poll(&wake, 1, static_cast<int>(kRetry.count()));

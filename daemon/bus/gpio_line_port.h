@@ -4,7 +4,8 @@
 // Inputs are watched by edge and read by level. An opening (1 to 0), however short, is told at once; a
 // closing when the level has stayed 1 for `debounce`. A chip that is unplugged is opened again when it
 // is back: its outputs are set as they were told last, and what changed meanwhile is told. The kernel
-// gives a line to one process.
+// gives a line to one process. An output that is told to fall sooner than `shortest_pulse` after it
+// rose falls then: opto-couplers and those who look now and then see every pulse.
 
 #include <chrono>
 #include <map>
@@ -23,13 +24,15 @@ namespace mesorig::daemon {
 struct GpioLineOptions {
   std::string chip;  // "gpiochip0", or its label
   std::vector<int> inputs, outputs;  // outputs begin at 0
-  std::chrono::milliseconds debounce{20};
+  // Those that the chip's own names tell, whatever their number there is.
+  std::map<int, std::string> names;
+  std::chrono::milliseconds debounce{20}, shortest_pulse{20};
   std::string consumer = "mesorigd";
 };
 
 class GpioLinePort final : public LinePort {
  public:
-  // Errors of GpioChip.
+  // Errors of GpioChip; FailedPrecondition: a line is another process's.
   static StatusOr<std::unique_ptr<GpioLinePort>> Open(RigClock& clock, GpioLineOptions options);
   ~GpioLinePort() override;
 
@@ -47,6 +50,11 @@ class GpioLinePort final : public LinePort {
     bool told = false;    // the level that was told last
     HostTime closes_at = HostTime::max();  // when a closing is believed
   };
+  struct Output {
+    bool told = false;
+    HostTime rose{};
+    HostTime falls_at = HostTime::max();  // it is still 1, and was told 0
+  };
   struct Opened {
     std::shared_ptr<GpioChip> chip;
     std::map<int, Input> inputs;
@@ -62,6 +70,9 @@ class GpioLinePort final : public LinePort {
   Status Settle(GpioChip& chip, int line, Input& input);
   void Tell(int line, Input& input, bool level);
   bool Reopen(Opened& opened);
+  // Lets outputs fall whose pulse was long enough; returns when the next one is due.
+  StatusOr<HostTime> Fall(GpioChip& chip) EXCLUDES(mutex_);
+  void Wake();
 
   RigClock& clock_;
   const GpioLineOptions options_;
@@ -69,7 +80,7 @@ class GpioLinePort final : public LinePort {
   std::function<void(int, bool, RigTime)> handler_;  // guarded by the clock's lock
   mutable Mutex mutex_;
   std::shared_ptr<GpioChip> chip_ GUARDED_BY(mutex_);  // null: gone
-  std::map<int, bool> written_ GUARDED_BY(mutex_);
+  std::map<int, Output> outputs_ GUARDED_BY(mutex_);
   bool ending_ GUARDED_BY(mutex_) = false;
   std::thread reader_;
 };

@@ -8,7 +8,6 @@ namespace mesorig::daemon {
 namespace {
 
 constexpr double kFrameMargin_s = 0.5;
-constexpr double kExposureMargin_s = 1e-3;  // from the trigger to the first row
 
 }  // namespace
 
@@ -80,11 +79,12 @@ Status CameraArray::Trigger(const std::vector<int>& cameras) {
 }
 
 RigTime CameraArray::ExposureEnd(const std::vector<int>& cameras) const {
-  double exposure_s = 0;
+  double until_s = 0;
   for (const int camera : cameras) {
-    exposure_s = std::max(exposure_s, states_[camera].setting.exposure_s);
+    until_s = std::max(until_s, states_[camera].setting.exposure_s +
+                                    context_.rig.cameras[camera].trigger_latency_s);
   }
-  return triggered_at_ + FromSeconds(exposure_s + kExposureMargin_s);
+  return triggered_at_ + FromSeconds(until_s);
 }
 
 RigTime CameraArray::Deadline(const std::vector<int>& cameras) const {

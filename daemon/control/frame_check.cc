@@ -28,6 +28,12 @@ Status CheckFrame(const mesorig::Camera& camera, const ExpectedFrame& expected,
         fmt::format("exposed from {:.6f} s, after its deadline at {:.6f} s: its clock jumped",
                     Seconds(frame.exposure_start), Seconds(expected.deadline)));
   }
+  const double latency_s = Seconds(frame.exposure_start) - Seconds(expected.triggered_at);
+  if (latency_s > camera.trigger_latency_s + Seconds(kClockSlack)) {
+    return bad(fmt::format("exposed from {:.6f} s after its trigger on, permitted is {:.6f} s "
+                           "(trigger_latency_s): the rig may have moved on",
+                           latency_s, camera.trigger_latency_s));
+  }
   if (now > expected.deadline) {
     return bad(fmt::format("late: came at {:.6f} s, expected until {:.6f} s", Seconds(now),
                            Seconds(expected.deadline)));

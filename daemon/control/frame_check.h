@@ -18,7 +18,8 @@ struct ExpectedFrame {
 
 // OK, or DataLoss that names the camera and what is wrong: of another trigger, a frame that was
 // there already (camera's own count), stale (its exposure began before the trigger), from the
-// future (its exposure begins after the deadline: the camera's clock jumped), late (delivered at
+// future (its exposure begins after the deadline: the camera's clock jumped), exposed later than the
+// camera's trigger_latency_s permits (the rig moves on after that), late (delivered at
 // `now`, after the deadline), or torn (not region x bytes a pixel).
 Status CheckFrame(const mesorig::Camera& camera, const ExpectedFrame& expected,
                   const CapturedFrame& frame, RigTime now);

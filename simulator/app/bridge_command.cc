@@ -4,18 +4,35 @@
 
 #include "protocol/base/log.h"
 #include "protocol/base/runtime_dir.h"
+#include "protocol/rig/rig.h"
 #include "simulator/app/commands.h"
 #include "simulator/bridge/can_bridge.h"
+#include "simulator/bridge/gpio_bridge.h"
+#include "simulator/bridge/modbus_bridge.h"
 
 namespace mesorig::simulator {
 namespace {
 
 struct BridgeOptions {
   std::string runtime_dir = DefaultRuntimeDir().string();
-  std::string can;
+  std::string can, modbus, gpio, rig;
 };
 
+GpioBridgeOptions LinesOf(const Rig& rig, const std::string& label) {
+  GpioBridgeOptions options;
+  options.label = label;
+  const Lines& lines = rig.lines;
+  for (const int line : {lines.estop, lines.door, lines.reset, lines.laser_on, lines.power}) {
+    if (line >= 0) options.inputs.push_back(line);
+  }
+  if (lines.laser_trigger >= 0) options.outputs.push_back(lines.laser_trigger);
+  return options;
+}
+
 Status Bridge(const BridgeOptions& options) {
+  if (options.can.empty() && options.modbus.empty() && options.gpio.empty()) {
+    return InvalidArgument("--can, --modbus or --gpio is needed");
+  }
   StartLogging("mesorig-sim");
   sigset_t signals;
   sigemptyset(&signals);
@@ -24,10 +41,27 @@ Status Bridge(const BridgeOptions& options) {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);  // in all threads; waited for below
   MESORIG_ASSIGN_OR_RETURN(const std::string endpoint,
                            FindEndpoint(options.runtime_dir, "mesorig-sim"));
-  MESORIG_ASSIGN_OR_RETURN(auto link, sim_wire::SimLink::Connect(endpoint));
-  MESORIG_ASSIGN_OR_RETURN(const auto can, CanBridge::Open(*link, options.can));
-  const RigClock::Activity time_passes(*link, Pace::kRealTime);
-  spdlog::info("the simulated axes are on {}", options.can);
+  SystemRigClock clock;
+  sim_wire::SimLinkOptions live;
+  live.live = &clock;
+  MESORIG_ASSIGN_OR_RETURN(auto link, sim_wire::SimLink::Connect(endpoint, live));
+  std::unique_ptr<CanBridge> can;
+  std::unique_ptr<ModbusBridge> modbus;
+  std::unique_ptr<GpioBridge> gpio;
+  if (!options.can.empty()) {
+    MESORIG_ASSIGN_OR_RETURN(can, CanBridge::Open(*link, options.can));
+    spdlog::info("the simulated axes are on {}", options.can);
+  }
+  if (!options.modbus.empty()) {
+    MESORIG_ASSIGN_OR_RETURN(
+        modbus, ModbusBridge::Open(options.modbus, link->welcome().modbus_endpoint));
+    spdlog::info("the simulated lamps are on {}", options.modbus);
+  }
+  if (!options.gpio.empty()) {
+    MESORIG_ASSIGN_OR_RETURN(const Rig rig, LoadRig(options.rig));
+    MESORIG_ASSIGN_OR_RETURN(gpio, GpioBridge::Open(*link, LinesOf(rig, options.gpio)));
+    spdlog::info("the simulated lines are on {}", options.gpio);
+  }
   while (link->health().ok()) {
     constexpr timespec kLook{1, 0};
     if (sigtimedwait(&signals, nullptr, &kLook) > 0) return OkStatus();
@@ -43,7 +77,11 @@ Command AddBridgeCommand(CLI::App& app) {
       "bridge", "Put devices of a running simulation on interfaces of the kernel, in real time");
   bridge->add_option("--runtime-dir", options->runtime_dir, "That of `mesorig-sim run`")
       ->capture_default_str();
-  bridge->add_option("--can", options->can, "CAN interface for the axes (vcan0)")->required();
+  bridge->add_option("--can", options->can, "CAN interface for the axes (vcan0)");
+  bridge->add_option("--modbus", options->modbus,
+                     "Serial line for the lamps: becomes a link to a pseudo-terminal (Modbus RTU)");
+  CLI::Option* const rig = bridge->add_option("--rig", options->rig, "Rig file, for --gpio");
+  bridge->add_option("--gpio", options->gpio, "Label of a chip of gpio-sim, for the lines")->needs(rig);
   return {bridge, [options] { return Bridge(*options); }};
 }
 

@@ -15,7 +15,7 @@ namespace mesorig::simulator {
 
 class CanBridge {
  public:
-  // Borrows the link, whose clock must run (bridge_command.cc). NotFound: no such interface;
+  // Borrows the link. NotFound: no such interface;
   // Unavailable: it is no CAN interface, or down.
   static StatusOr<std::unique_ptr<CanBridge>> Open(sim_wire::SimLink& link,
                                                    const std::string& interface);

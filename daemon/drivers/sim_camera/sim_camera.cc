@@ -13,8 +13,6 @@ namespace {
 
 using sim_wire::CameraRegister;
 
-// The camera exposes in the instant of its trigger.
-constexpr RigTime kTriggerTolerance = std::chrono::milliseconds(1);
 constexpr double kExposureTolerance_s = 1e-6;
 constexpr size_t kKeptTriggers = 64;
 
@@ -213,7 +211,7 @@ uint64_t FrameFaults::*SimCamera::Judge(const sim_wire::CameraFrame& frame,
   if (frame.frame_id <= last_frame_id_) return &FrameFaults::stale;
   const double off_s =
       Seconds(frame.exposure_start) + Seconds(clock_offset_) - Seconds(trigger->at);
-  return std::abs(off_s) <= Seconds(kTriggerTolerance) ? nullptr : &FrameFaults::mistimed;
+  return std::abs(off_s) <= camera_.trigger_latency_s ? nullptr : &FrameFaults::mistimed;
 }
 
 Status SimCamera::CheckSettings(const sim_wire::CameraFrame& frame) const {

@@ -23,6 +23,7 @@ const WrongFrame kWrong[] = {
     {"duplicated", [](CapturedFrame& frame) { frame.frame_id = 4; }},
     {"stale", [](CapturedFrame& frame) { frame.exposure_start = milliseconds(900); }},
     {"its clock jumped", [](CapturedFrame& frame) { frame.exposure_start = milliseconds(90000); }},
+    {"trigger_latency_s", [](CapturedFrame& frame) { frame.exposure_start += milliseconds(100); }},
     {"torn: 16 x 8 pixels of 12 bits, 100 bytes",
      [](CapturedFrame& frame) { frame.pixels = std::make_shared<std::string>(100, 'x'); }},
     {"torn: 16 x 8 pixels of 12 bits, 0 bytes", [](CapturedFrame& frame) { frame.pixels = {}; }},
