@@ -15,8 +15,6 @@
 namespace mesorig::btf {
 namespace {
 
-std::string VarianceChannel(int light) { return fmt::format("L{:03}.V", light); }
-
 // Part 0 of `reader`, mask included.
 StatusOr<BtfFileInfo> ReadInfo(const ExrReader& reader) {
   MESORIG_ASSIGN_OR_RETURN(BtfFileInfo info, GetAttributes(reader.header(0), reader.name()));
@@ -143,9 +141,8 @@ Status ReadView(const ExrReader& reader, const BtfFileInfo& info, int part, int 
     }
     if (!btf.has_variance()) continue;
     for (const float variance : btf.Variance(view, l)) {
-      if (variance >= 0 && std::isfinite(variance)) continue;
-      return InvalidArgument("{}: view {}, light {} holds a variance of {}, which is none",
-                             reader.name(), view, l, variance);
+      MESORIG_RETURN_IF_ERROR(CheckVariance(variance, static_cast<size_t>(view),
+                                            static_cast<size_t>(l), reader.name()));
     }
   }
   return OkStatus();

@@ -6,6 +6,7 @@
 #include <OpenEXR/ImfStringAttribute.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 namespace mesorig::btf {
@@ -18,6 +19,14 @@ constexpr size_t kMaxText = 1u << 20;
 std::string ViewPart(int view) { return fmt::format("V{:03}", view); }
 std::string LightChannel(int light, size_t rgb) {
   return fmt::format("L{:03}.{}", light, "RGB"[rgb]);
+}
+
+std::string VarianceChannel(int light) { return fmt::format("L{:03}.V", light); }
+
+Status CheckVariance(float variance, size_t view, size_t light, const std::string& file) {
+  if (variance >= 0 && std::isfinite(variance)) return OkStatus();
+  return InvalidArgument("{}: view {}, light {} holds a variance of {}, which is none", file, view,
+                         light, variance);
 }
 
 void AttributeWriter::Text(const char* name, const std::string& value) {

@@ -20,6 +20,9 @@ inline constexpr char kBtfFormat[] = "mesorig-btf", kMdfFormat[] = "mesorig-mdf"
 std::string ViewPart(int view);
 // Its channel of a light: L000.R, ...; rgb 0 to 2.
 std::string LightChannel(int light, size_t rgb);
+std::string VarianceChannel(int light);
+// InvalidArgument unless it is finite and not negative.
+Status CheckVariance(float variance, size_t view, size_t light, const std::string& file);
 
 // Puts attributes into a header (borrowed).
 class AttributeWriter {

@@ -52,10 +52,6 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeBtf(const Encoder& encoder, const Sa
   return encoded;
 }
 
-btf::BtfFileInfo InfoOf(const btf::SampledBtf& btf, std::string_view codec, int version) {
-  return InfoOf(MemorySource(btf), codec, version);
-}
-
 namespace {
 
 Status CheckOptions(const EncodeOptions& options, const Encoder& encoder) {
@@ -81,21 +77,22 @@ Status CheckOptions(const EncodeOptions& options, const Encoder& encoder) {
 
 }  // namespace
 
-Status CheckEncodable(const btf::SampledBtf& btf, const EncodeOptions& options,
-                      const Encoder& encoder) {
-  MESORIG_RETURN_IF_ERROR(CheckOptions(options, encoder));
-  if (options.variance && !btf.has_variance()) {
-    return InvalidArgument("weights from variances: the BTF has none (channels L000.V...)");
-  }
-  if (btf.present_count() == 0) return InvalidArgument("no (view, light) pair is present");
-  return CheckFinite(btf);
-}
-
 Status CheckEncodable(const SampleSource& source, const EncodeOptions& options,
                       const Encoder& encoder) {
   MESORIG_RETURN_IF_ERROR(CheckOptions(options, encoder));
+  if (options.variance && !source.has_variance()) {
+    return InvalidArgument("weights from variances: the BTF has none (channels L000.V...)");
+  }
   if (source.Pairs().empty()) return InvalidArgument("no (view, light) pair is present");
   return OkStatus();
+}
+
+StatusOr<std::unique_ptr<EncodedBtf>> Encoder::Encode(const btf::SampledBtf& btf,
+                                                      const EncodeOptions& options) const {
+  const MemorySource source(btf);
+  MESORIG_RETURN_IF_ERROR(CheckEncodable(source, options, *this));
+  MESORIG_RETURN_IF_ERROR(CheckFinite(btf));
+  return EncodeFrom(source, options);
 }
 
 btf::BtfFileInfo InfoOf(const SampleSource& source, std::string_view codec, int version) {
@@ -106,11 +103,6 @@ btf::BtfFileInfo InfoOf(const SampleSource& source, std::string_view codec, int 
   info.codec_options_json = "{}";
   info.present = source.present();
   return info;
-}
-
-StatusOr<std::unique_ptr<EncodedBtf>> Encoder::EncodeFrom(const SampleSource&,
-                                                          const EncodeOptions&) const {
-  return Unimplemented("codec {} needs the whole BTF in memory", name());
 }
 
 }  // namespace mesorig::codecs

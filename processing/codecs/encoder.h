@@ -50,12 +50,12 @@ class Encoder {
   virtual int max_terms(const btf::SampledBtf&) const { return 0; }
   // InvalidArgument for options out of range or that it does not have, a BTF without any present
   // pair, or one that holds values that are not finite. Reentrant.
-  virtual StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
-                                                       const EncodeOptions& options) const = 0;
-  // The same from a source that is never held whole: about 1 GB beside the factors at most, whatever its
-  // size. UNIMPLEMENTED for codecs, and for weights, that need the values all at once.
+  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
+                                               const EncodeOptions& options) const;
+  // The same from a source that is never held whole: about 1 GB beside the factors at most, whatever
+  // its size, and the same result but for rounding.
   virtual StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
-                                                           const EncodeOptions& options) const;
+                                                           const EncodeOptions& options) const = 0;
 };
 
 // Encodes by a codec, and adds what is done alike for all: options.clamp_negative, which Encode of a
@@ -69,15 +69,11 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeBtf(const Encoder& encoder, const Sa
 const std::vector<const Encoder*>& AllEncoders();
 StatusOr<const Encoder*> FindEncoder(std::string_view name);
 
-// The file information of a BTF that codec `name` encodes; value_scale is 1.
-btf::BtfFileInfo InfoOf(const btf::SampledBtf& btf, std::string_view codec, int version);
-// What every Encode begins with: something is present, everything present is finite (or the message
-// says where it is not), and nothing is asked for that `encoder` does not have.
-Status CheckEncodable(const btf::SampledBtf& btf, const EncodeOptions& options,
-                      const Encoder& encoder);
-// Of a source, whose values are checked when they are read.
+// What every EncodeFrom begins with: something is present, and nothing is asked for that `encoder` or
+// `source` does not have. Values of files are checked when they are read.
 Status CheckEncodable(const SampleSource& source, const EncodeOptions& options,
                       const Encoder& encoder);
+// The file information of a BTF that codec `name` encodes; value_scale is 1.
 btf::BtfFileInfo InfoOf(const SampleSource& source, std::string_view codec, int version);
 
 }  // namespace mesorig::codecs

@@ -16,36 +16,41 @@ class CmfEncoder final : public Encoder {
  public:
   std::string_view name() const override { return "cmf"; }
   unsigned options() const override { return kWeighting | kQuantisation; }
-  int max_terms(const btf::SampledBtf& btf) const override {
-    return std::min({btf.header().view_count(), 3 * btf.header().light_count(), kMostTerms});
-  }
+  int max_terms(const btf::SampledBtf& btf) const override { return Most(btf.header()); }
 
   // Müller et al. 2004, Eq. 10.
-  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
-                                               const EncodeOptions& options) const override {
-    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
-    MESORIG_ASSIGN_OR_RETURN(const int terms, TermsOf(options, kDefaultTerms, max_terms(btf)));
+  StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
+                                                   const EncodeOptions& options) const override {
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(source, options, *this));
+    const btf::BtfHeader& h = source.header();
+    MESORIG_ASSIGN_OR_RETURN(const int terms, TermsOf(options, kDefaultTerms, Most(h)));
     per_texel::ChainEncoding encoding;
     encoding.stages = {{Axis::kView, Axis::kLight, terms}, {Axis::kHalf, Axis::kDifference, 1}};
     encoding.quantisation = QuantisationOf(options);
     encoding.counts = {{"terms", terms}};
-    const per_texel::ChainFitter fitter(btf.header(), InfoOf(btf, name(), 1).present, encoding.stages);
-    const std::vector<float> weights = per_texel::SquareWeights(btf, options, fitter);
+    const per_texel::ChainFitter fitter(h, source.present(), encoding.stages);
+    MESORIG_ASSIGN_OR_RETURN(const std::vector<float> weights,
+                             per_texel::SquareWeights(source, options, fitter));
     const size_t second = fitter.layout().stages[1].p_first;
     auto fitters = per_texel::FitterForEachWorker(fitter);
     return per_texel::EncodeChain(
-        btf, options, encoding, *this, [&](const per_texel::TexelBlock& block) -> Status {
+        source, options, encoding, *this, [&](const per_texel::TexelBlock& block) -> Status {
           per_texel::ChainFitter& own = fitters[static_cast<size_t>(block.worker)];
           for (size_t i = 0; i < block.texels; ++i) {
             const auto values = block.Values(i);
             MESORIG_RETURN_IF_ERROR(
-                per_texel::DecomposeTexel(btf.header(), fitter, block.Y(i), values));
+                per_texel::DecomposeTexel(h, fitter, block.Y(i), values));
             std::fill(values.begin() + static_cast<std::ptrdiff_t>(second), values.end(), 1.0f);
             own.Refine(block.Y(i), weights, kSweepsOfSecond, 1, values);
             own.Refine(block.Y(i), weights, kSweepsOfBoth, 0, values);
           }
           return OkStatus();
         });
+  }
+
+ private:
+  static int Most(const btf::BtfHeader& h) {
+    return std::min({h.view_count(), 3 * h.light_count(), kMostTerms});
   }
 };
 

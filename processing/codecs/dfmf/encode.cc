@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 
 #include "processing/codecs/encoder.h"
 #include "processing/codecs/linear/pack_factors.h"
@@ -12,27 +13,36 @@ constexpr int kTermsPerColour = 4;  // luma terms to one of U, and to one of V
 // One decorrelated channel: a row a texel, a column a present pair.
 class ChannelMatrix final : public algebra::RowSource {
  public:
-  ChannelMatrix(const btf::SampledBtf& btf, const std::vector<size_t>& pairs, size_t channel,
+  ChannelMatrix(const SampleSource& source, const std::vector<size_t>& pairs, size_t channel,
                 float floor, const SampleWeights& weights)
-      : btf_(btf), pairs_(pairs), channel_(channel), floor_(floor), weights_(weights) {}
-  int64_t rows() const override { return static_cast<int64_t>(btf_.header().texel_count()); }
+      : source_(source), pairs_(pairs), channel_(channel), floor_(floor), weights_(weights) {}
+  int64_t rows() const override { return static_cast<int64_t>(source_.header().texel_count()); }
   int64_t cols() const override { return static_cast<int64_t>(pairs_.size()); }
+  int64_t granule() const override { return source_.granule(); }
+  // In parts: the three colours of all rows at once would take three times the room of the result.
   StatusOr<algebra::ViewF> Rows(int64_t first, int64_t count, float* scratch) const override {
-    const size_t lights = btf_.header().lights.size();
-    float* out = scratch;
-    for (const size_t pair : pairs_) {
-      const auto image = btf_.Image(static_cast<int>(pair / lights), static_cast<int>(pair % lights));
-      for (int64_t i = 0; i < count; ++i) {
-        const auto texel = static_cast<size_t>(first + i);
-        *out++ = weights_.texel[texel] * weights_.sample[3 * pair] *
-                 ToDecorrelated(image.data() + 3 * texel, floor_)[channel_];
+    const int64_t part = (kPart + granule() - 1) / granule() * granule();
+    std::vector<float> rgb(3 * pairs_.size() * static_cast<size_t>(std::min(part, count)));
+    for (int64_t begin = 0; begin < count; begin += part) {
+      const int64_t n = std::min(part, count - begin);
+      MESORIG_RETURN_IF_ERROR(source_.Columns(first + begin, n, pairs_, rgb.data()));
+      for (size_t p = 0; p < pairs_.size(); ++p) {
+        const float* const from = rgb.data() + 3 * p * static_cast<size_t>(n);
+        float* const out = scratch + static_cast<int64_t>(p) * count + begin;
+        for (int64_t i = 0; i < n; ++i) {
+          const std::array<float, 3> value{from[i], from[n + i], from[2 * n + i]};
+          out[i] = weights_.texel[static_cast<size_t>(first + begin + i)] *
+                   weights_.sample[3 * pairs_[p]] * ToDecorrelated(value.data(), floor_)[channel_];
+        }
       }
     }
     return algebra::ViewF(scratch, count, cols(), count);
   }
 
  private:
-  const btf::SampledBtf& btf_;
+  static constexpr int64_t kPart = 64;
+
+  const SampleSource& source_;
   const std::vector<size_t>& pairs_;
   size_t channel_;
   float floor_;
@@ -62,31 +72,27 @@ class DfmfEncoder final : public Encoder {
   std::string_view name() const override { return "dfmf"; }
   unsigned options() const override { return kWeighting | kLogWeighting | kQuantisation; }
   int max_terms(const btf::SampledBtf& btf) const override {
-    return static_cast<int>(
-        std::min<size_t>({kMaxTerms, btf.header().texel_count(), btf.present_count()}));
+    return Most(btf.header().texel_count(), btf.present_count());
   }
 
-  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
-                                               const EncodeOptions& options) const override {
-    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
-    MESORIG_ASSIGN_OR_RETURN(const int terms, TermsOf(options, kDefaultTerms, max_terms(btf)));
+  StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
+                                                   const EncodeOptions& options) const override {
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(source, options, *this));
+    const btf::BtfHeader& h = source.header();
+    const std::vector<size_t> pairs = source.Pairs();
+    MESORIG_ASSIGN_OR_RETURN(const int terms,
+                             TermsOf(options, kDefaultTerms, Most(h.texel_count(), pairs.size())));
     const int colour_terms =
         options.terms == kAllTerms ? terms : std::max(1, terms / kTermsPerColour);
     EncodeOptions log = options;
     log.weighting = Weighting::kLog;
-    const double floor = WideFloor(btf, options);
-    log.floor = floor;
-    const SampleWeights weights = WeightsFor(btf, log);
-    btf::BtfFileInfo info = InfoOf(btf, name(), kVersion);
-    std::vector<size_t> pairs;
-    for (size_t pair = 0; pair < info.present.size(); ++pair) {
-      if (info.present[pair] != 0) pairs.push_back(pair);
-    }
+    MESORIG_ASSIGN_OR_RETURN(log.floor, WideFloor(source, options));
+    MESORIG_ASSIGN_OR_RETURN(const SampleWeights weights, WeightsFor(source, log));
     LinearShape shape;
     shape.terms = terms + 2 * colour_terms;
-    LinearFactors factors = EmptyFactors(btf.header(), shape);
+    LinearFactors factors = EmptyFactors(h, shape);
     factors.quantisation = QuantisationOf(options);
-    factors.log_floor = static_cast<float>(floor);
+    factors.log_floor = static_cast<float>(log.floor);
     factors.decorrelated = true;
     for (size_t channel = 0; channel < 3; ++channel) {
       algebra::SvdOptions svd_options;
@@ -95,15 +101,20 @@ class DfmfEncoder final : public Encoder {
       MESORIG_ASSIGN_OR_RETURN(
           const algebra::TruncatedSvd svd,
           algebra::DecomposeTruncated(
-              ChannelMatrix(btf, pairs, channel, factors.log_floor, weights), svd_options));
+              ChannelMatrix(source, pairs, channel, factors.log_floor, weights), svd_options));
       const int first = channel == 0 ? 0 : terms + static_cast<int>(channel - 1) * colour_terms;
-      PutChannel(btf.header(), pairs, weights, svd, channel, static_cast<size_t>(first),
-                 factors);
+      PutChannel(h, pairs, weights, svd, channel, static_cast<size_t>(first), factors);
     }
-    RoundFactors(btf.header(), factors);
-    info.codec_options_json = OptionsJson(log, factors.quantisation, floor,
+    RoundFactors(h, factors);
+    btf::BtfFileInfo info = InfoOf(source, name(), kVersion);
+    info.codec_options_json = OptionsJson(log, factors.quantisation, log.floor,
                                           {{"terms", terms}, {"colour_terms", colour_terms}});
     return LinearBtf::Create(std::move(info), std::move(factors));
+  }
+
+ private:
+  static int Most(size_t texels, size_t pairs) {
+    return static_cast<int>(std::min<size_t>({kMaxTerms, texels, pairs}));
   }
 };
 

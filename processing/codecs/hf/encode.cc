@@ -100,24 +100,25 @@ class HfEncoder final : public Encoder {
   unsigned options() const override { return kWeighting | kLogWeighting | kQuantisation; }
 
   // Müller et al. 2004, Eq. 9. The error is relative whatever the weighting.
-  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
-                                               const EncodeOptions& options) const override {
-    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
+  StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
+                                                   const EncodeOptions& options) const override {
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(source, options, *this));
+    const btf::BtfHeader& h = source.header();
     if (options.terms != 0 && options.terms != kAllTerms) {
       return InvalidArgument("codec {} has one product, not a choice of terms", name());
     }
     EncodeOptions log = options;
     log.weighting = Weighting::kLog;
-    const double floor = WideFloor(btf, options);
+    MESORIG_ASSIGN_OR_RETURN(const double floor, WideFloor(source, options));
     per_texel::ChainEncoding encoding;
     encoding.stages = {{Axis::kView, Axis::kLight, 1}, {Axis::kNone, Axis::kHalf, 1}};
     encoding.quantisation = QuantisationOf(options);
     encoding.floor = floor;
-    const per_texel::ChainFitter fitter(btf.header(), InfoOf(btf, name(), 1).present,
-                                        encoding.stages);
-    const std::vector<float> weights = per_texel::SquareWeights(btf, options, fitter, floor);
-    const LogFit fit(btf.header(), fitter, weights, floor);
-    return per_texel::EncodeChain(btf, log, encoding, *this, fit);
+    const per_texel::ChainFitter fitter(h, source.present(), encoding.stages);
+    MESORIG_ASSIGN_OR_RETURN(const std::vector<float> weights,
+                             per_texel::SquareWeights(source, options, fitter, floor));
+    const LogFit fit(h, fitter, weights, floor);
+    return per_texel::EncodeChain(source, log, encoding, *this, fit);
   }
 };
 

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <numeric>
 
-#include "protocol/base/check.h"
-
 namespace mesorig::codecs {
 
 AbrdfMatrix::AbrdfMatrix(const SampleSource& source, const SampleWeights& weights,
@@ -19,37 +17,13 @@ AbrdfMatrix::AbrdfMatrix(const SampleSource& source, const SampleWeights& weight
   }
 }
 
-AbrdfMatrix::AbrdfMatrix(const btf::SampledBtf& btf, const SampleWeights& weights,
-                         Weighting weighting)
-    : btf_(&btf), owned_(std::make_unique<MemorySource>(btf)), source_(owned_.get()),
-      weights_(weights), log_(weighting == Weighting::kLog), pairs_(source_->Pairs()),
-      texels_(btf.header().texel_count()) {
-  std::iota(texels_.begin(), texels_.end(), size_t{0});
-}
-
-// Columns of texels that do not follow one another.
-Status AbrdfMatrix::Gather(int64_t first, int64_t count, float* out) const {
-  MESORIG_CHECK(btf_ != nullptr);
-  const auto n = static_cast<size_t>(count);
-  const size_t* const texels = texels_.data() + first;
-  const size_t lights = btf_->header().lights.size();
-  for (const size_t pair : pairs_) {
-    const float* const image =
-        btf_->Image(static_cast<int>(pair / lights), static_cast<int>(pair % lights)).data();
-    for (size_t c = 0; c < 3; ++c, out += n) {
-      for (size_t i = 0; i < n; ++i) out[i] = image[3 * texels[i] + c];
-    }
-  }
-  return OkStatus();
-}
-
 StatusOr<algebra::ViewF> AbrdfMatrix::Rows(int64_t first, int64_t count, float* scratch) const {
   const auto n = static_cast<size_t>(count);
   const size_t* const texels = texels_.data() + first;
-  const bool run = texels[n - 1] - texels[0] == n - 1;
+  const bool run = !selected_ || texels[n - 1] - texels[0] == n - 1;
   MESORIG_RETURN_IF_ERROR(
       run ? source_->Columns(static_cast<int64_t>(texels[0]), count, pairs_, scratch)
-          : Gather(first, count, scratch));
+          : source_->Gather(std::span(texels_).subspan(static_cast<size_t>(first), n), pairs_, scratch));
   const auto floor = static_cast<float>(weights_.floor);
   for (size_t j = 0; j < 3 * pairs_.size(); ++j) {
     float* const out = scratch + j * n;

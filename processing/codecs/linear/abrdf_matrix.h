@@ -2,7 +2,6 @@
 // A BTF as the matrix that linear bases factorise: a row a texel (its apparent BRDF), a column a
 // channel of a present pair. Never held whole: blocks of rows are gathered from the images.
 
-#include <memory>
 #include <vector>
 
 #include "processing/codecs/algebra/truncated_svd.h"
@@ -16,17 +15,15 @@ class AbrdfMatrix final : public algebra::RowSource {
   // Borrows what it is given. All present pairs, or those of one view. At least one is needed.
   AbrdfMatrix(const SampleSource& source, const SampleWeights& weights, Weighting weighting,
               int view = -1);
-  // In memory; only of such a one texels can be selected.
-  AbrdfMatrix(const btf::SampledBtf& btf, const SampleWeights& weights, Weighting weighting);
 
   int64_t rows() const override { return static_cast<int64_t>(texels_.size()); }
   int64_t cols() const override { return 3 * static_cast<int64_t>(pairs_.size()); }
-  int64_t granule() const override { return source_->granule(); }
+  int64_t granule() const override { return selected_ ? 1 : source_->granule(); }
   // Values, or log(max(value, 0) + floor), less the mean where one is set, times the weights.
   StatusOr<algebra::ViewF> Rows(int64_t first, int64_t count, float* scratch) const override;
 
   // Only these texels, ascending, from now on.
-  void Select(std::vector<size_t> texels) { texels_ = std::move(texels); }
+  void Select(std::vector<size_t> texels) { texels_ = std::move(texels), selected_ = true; }
   // Subtracted from every row before the texel's weight; in the weighted columns' unit.
   void SetMean(std::vector<float> mean) { mean_ = std::move(mean); }
   // The mean row that is best under the weights, each row counting by its texel weight squared.
@@ -42,13 +39,9 @@ class AbrdfMatrix final : public algebra::RowSource {
   }
 
  private:
-  Status Gather(int64_t first, int64_t count, float* out) const;
-
-  const btf::SampledBtf* btf_ = nullptr;  // in memory
-  std::unique_ptr<SampleSource> owned_;
   const SampleSource* source_;
   const SampleWeights& weights_;
-  bool log_;
+  bool log_, selected_ = false;
   std::vector<size_t> pairs_, texels_;
   std::vector<float> mean_;
 };

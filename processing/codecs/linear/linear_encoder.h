@@ -11,13 +11,6 @@
 
 namespace mesorig::codecs {
 
-// A product of weights, as weights of samples.
-SampleWeights Product(const SeparateWeights& weights);
-// Weights that ask nothing of the values: linear weighting, solid angles, the mask. UNIMPLEMENTED for
-// options whose weights depend on values.
-StatusOr<SeparateWeights> WeightsOfDirections(const SampleSource& source,
-                                              const EncodeOptions& options);
-
 // min(4096, texels, columns).
 int MostLinearTerms(const SampleSource& source);
 algebra::SvdOptions SvdOptionsFor(const EncodeOptions& options, int64_t rank);
@@ -29,8 +22,6 @@ LinearFactors FactorsFor(const btf::BtfHeader& header, const LinearShape& shape,
 class LinearEncoder : public Encoder {
  public:
   int max_terms(const btf::SampledBtf& btf) const override;
-  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
-                                               const EncodeOptions& options) const override;
   StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
                                                    const EncodeOptions& options) const override;
 

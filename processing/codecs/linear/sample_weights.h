@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "processing/codecs/encoder.h"
+#include "processing/codecs/linear/sample_source.h"
 
 namespace mesorig::codecs {
 
@@ -24,8 +25,8 @@ std::vector<double> SolidAngleWeights(const std::vector<Vec3>& directions);
 struct VarianceWeights {
   std::vector<double> texel, pair;  // of squared residuals; pair = v * nL + l
 };
-VarianceWeights WeightsOfVariance(const btf::SampledBtf& btf, const EncodeOptions& options,
-                                  double log_floor);
+StatusOr<VarianceWeights> WeightsOfVariance(const SampleSource& source, const EncodeOptions& options,
+                                            double log_floor);
 
 struct SampleWeights {
   std::vector<float> texel;    // W*H; positive
@@ -33,11 +34,11 @@ struct SampleWeights {
   double floor = 0;            // of log and relative; 0 for linear
 };
 // What options.weighting, options.solid_angle and options.variance ask for: of residuals, not of their
-// squares. Reads the BTF up to four times. Texels outside the mask get kOutsideMask times their weight.
+// squares. Reads the source up to three times, not at all where nothing depends on its values. Texels outside the mask get kOutsideMask times their weight.
 // `log_floor`: of codecs that fit a logarithm whatever the weighting.
 inline constexpr float kOutsideMask = 1e-3f;
-SampleWeights WeightsFor(const btf::SampledBtf& btf, const EncodeOptions& options,
-                         double log_floor = 0);
+StatusOr<SampleWeights> WeightsFor(const SampleSource& source, const EncodeOptions& options,
+                                   double log_floor = 0);
 // Whether options ask for weights of pairs at all.
 bool WeighsPairs(const EncodeOptions& options);
 
@@ -45,7 +46,7 @@ bool WeighsPairs(const EncodeOptions& options);
 // the RMS; shadows whose logarithm falls without end would take all the factors' freedom (the demo's
 // sample: an error of 0.54 for hf and 0.49 for 8 terms of dfmf with a hundredth, 0.40 and 0.36 with a
 // quarter). 1 for what is black: its logarithm 0 is stored exactly.
-double WideFloor(const btf::SampledBtf& btf, const EncodeOptions& options);
+StatusOr<double> WideFloor(const SampleSource& source, const EncodeOptions& options);
 
 // A weight a texel times one a view times one a light: what a decomposition can take that has views or
 // lights for rows or columns of their own.
@@ -55,6 +56,9 @@ struct SeparateWeights {
   bool plain = true;  // all are 1
 };
 // The product that comes nearest to WeightsFor: exact for solid angles.
-SeparateWeights SeparateWeightsFor(const btf::SampledBtf& btf, const EncodeOptions& options);
+StatusOr<SeparateWeights> SeparateWeightsFor(const SampleSource& source,
+                                             const EncodeOptions& options);
+// A product of weights, as weights of samples.
+SampleWeights Product(const SeparateWeights& weights);
 
 }  // namespace mesorig::codecs

@@ -8,9 +8,10 @@ namespace {
 
 using algebra::MatrixF;
 
-constexpr int kVersion = 1, kDefaultTerms = 8, kMaxTerms = 4096;
+constexpr int kVersion = 1, kDefaultTerms = 8;
 constexpr int kDefaultClusters = 32, kMaxClusters = 2048;
 constexpr int kTexelsPerTerm = 4;  // by default no cluster is smaller on average
+constexpr size_t kHeldBytes = size_t{512} << 20;  // of clusters that are read together
 constexpr int64_t kCoordinates = 64, kCoordinatesPerTerm = 4;
 
 // Coordinates of the texels in the leading singular vectors, as clustering sees them.
@@ -33,6 +34,49 @@ StatusOr<LocalPcaResult> Clusters(const AbrdfMatrix& matrix, const algebra::SvdO
   return ClusterByLocalPca(points, weights, options);
 }
 
+// Mean and basis of cluster k, from the full rows of its texels.
+Status FitBasis(const SampleSource& source, const SampleWeights& weights,
+                const EncodeOptions& options, int k, std::vector<size_t> members,
+                LinearFactors& factors) {
+  AbrdfMatrix rows(source, weights, options.weighting);
+  rows.Select(std::move(members));
+  MESORIG_ASSIGN_OR_RETURN(const std::vector<float> mean, rows.MeanRow(options.block_bytes));
+  rows.SetMean(mean);
+  MESORIG_ASSIGN_OR_RETURN(
+      const algebra::TruncatedSvd svd,
+      algebra::DecomposeTruncated(rows, SvdOptionsFor(options, factors.shape.terms)));
+  PutTerms(rows, svd, mean, 0, k, source.header(), factors);
+  return OkStatus();
+}
+
+// All clusters. Of a source that is slow to read as many are held at a time as fit into kHeldBytes: it
+// is read once for each such part of it. A cluster that is larger is read again and again.
+Status FitBases(const SampleSource& source, const SampleWeights& weights,
+                const EncodeOptions& options, LinearFactors& factors) {
+  std::vector<std::vector<size_t>> members(static_cast<size_t>(factors.shape.clusters));
+  for (size_t i = 0; i < factors.cluster.size(); ++i) members[factors.cluster[i]].push_back(i);
+  const size_t most = std::max<size_t>(kHeldBytes / (12 * source.Pairs().size()), 1);
+  for (size_t k = 0; k < members.size();) {
+    size_t end = k, texels = 0;
+    while (end < members.size() && texels + members[end].size() <= most) texels += members[end++].size();
+    if (source.in_memory() || end == k) {
+      MESORIG_RETURN_IF_ERROR(
+          FitBasis(source, weights, options, static_cast<int>(k), std::move(members[k]), factors));
+      ++k;
+      continue;
+    }
+    std::vector<size_t> together;
+    for (size_t i = k; i < end; ++i) together.insert(together.end(), members[i].begin(), members[i].end());
+    std::sort(together.begin(), together.end());
+    MESORIG_ASSIGN_OR_RETURN(const auto held, Hold(source, std::move(together), options.block_bytes));
+    for (; k < end; ++k) {
+      MESORIG_RETURN_IF_ERROR(
+          FitBasis(*held, weights, options, static_cast<int>(k), std::move(members[k]), factors));
+    }
+  }
+  return OkStatus();
+}
+
 class PcmfEncoder final : public Encoder {
  public:
   std::string_view name() const override { return "pcmf"; }
@@ -40,61 +84,45 @@ class PcmfEncoder final : public Encoder {
     return kClusters | kWeighting | kLogWeighting | kQuantisation;
   }
   int max_terms(const btf::SampledBtf& btf) const override {
-    return static_cast<int>(std::min<size_t>(
-        {kMaxTerms, btf.header().texel_count(), 3 * btf.present_count()}));
+    return MostLinearTerms(MemorySource(btf));
   }
 
   // Müller et al. 2004, Eq. 13.
-  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
-                                               const EncodeOptions& options) const override {
-    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
+  StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
+                                                   const EncodeOptions& options) const override {
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(source, options, *this));
     LinearShape shape;
     shape.mean = true;
-    MESORIG_ASSIGN_OR_RETURN(shape.terms, TermsOf(options, kDefaultTerms, max_terms(btf)));
+    MESORIG_ASSIGN_OR_RETURN(shape.terms,
+                             TermsOf(options, kDefaultTerms, MostLinearTerms(source)));
     LocalPcaOptions local;
     local.terms = shape.terms;
-    MESORIG_ASSIGN_OR_RETURN(local.clusters, ClustersOf(btf, options, shape.terms));
-    const SampleWeights weights = WeightsFor(btf, options);
-    const AbrdfMatrix matrix(btf, weights, options.weighting);
-    const algebra::SvdOptions svd_options = SvdOptionsFor(options, shape.terms);
-    MESORIG_ASSIGN_OR_RETURN(const LocalPcaResult clusters, Clusters(matrix, svd_options, local));
+    MESORIG_ASSIGN_OR_RETURN(local.clusters, ClustersOf(source.header(), options, shape.terms));
+    MESORIG_ASSIGN_OR_RETURN(const SampleWeights weights, WeightsFor(source, options));
+    const AbrdfMatrix matrix(source, weights, options.weighting);
+    MESORIG_ASSIGN_OR_RETURN(const LocalPcaResult clusters,
+                             Clusters(matrix, SvdOptionsFor(options, shape.terms), local));
     shape.clusters = clusters.clusters;
-    LinearFactors factors = FactorsFor(btf.header(), shape, weights, options);
+    LinearFactors factors = FactorsFor(source.header(), shape, weights, options);
     factors.cluster.assign(clusters.cluster.begin(), clusters.cluster.end());
-    for (int k = 0; k < shape.clusters; ++k) {
-      AbrdfMatrix rows(btf, weights, options.weighting);
-      rows.Select(Members(clusters.cluster, k));
-      MESORIG_ASSIGN_OR_RETURN(const std::vector<float> mean, rows.MeanRow(options.block_bytes));
-      rows.SetMean(mean);
-      MESORIG_ASSIGN_OR_RETURN(const algebra::TruncatedSvd svd,
-                               algebra::DecomposeTruncated(rows, svd_options));
-      PutTerms(rows, svd, mean, 0, k, btf.header(), factors);
-    }
-    RoundFactors(btf.header(), factors);
-    btf::BtfFileInfo info = InfoOf(btf, name(), kVersion);
+    MESORIG_RETURN_IF_ERROR(FitBases(source, weights, options, factors));
+    RoundFactors(source.header(), factors);
+    btf::BtfFileInfo info = InfoOf(source, name(), kVersion);
     info.codec_options_json = OptionsJson(options, factors.quantisation, weights.floor,
                                           {{"terms", shape.terms}, {"clusters", shape.clusters}});
     return LinearBtf::Create(std::move(info), std::move(factors));
   }
 
  private:
-  static StatusOr<int> ClustersOf(const btf::SampledBtf& btf, const EncodeOptions& options,
+  static StatusOr<int> ClustersOf(const btf::BtfHeader& header, const EncodeOptions& options,
                                   int terms) {
-    const auto texels = static_cast<int>(btf.header().texel_count());
+    const auto texels = static_cast<int>(header.texel_count());
     const int most = std::min(kMaxClusters, texels);
     if (options.clusters < 0 || options.clusters > most) {
       return InvalidArgument("{} clusters, permitted are 1 to {}", options.clusters, most);
     }
     if (options.clusters > 0) return options.clusters;
     return std::clamp(texels / (kTexelsPerTerm * terms), 1, std::min(kDefaultClusters, most));
-  }
-
-  static std::vector<size_t> Members(const std::vector<int>& cluster, int k) {
-    std::vector<size_t> members;
-    for (size_t i = 0; i < cluster.size(); ++i) {
-      if (cluster[i] == k) members.push_back(i);
-    }
-    return members;
   }
 };
 

@@ -103,17 +103,19 @@ class LocalPca {
       for (int64_t j = 0; j < rest.cols; ++j) {
         for (int64_t i = 0; i < rest.rows; ++i) rest(i, j) -= s.mean[At(j)];
       }
+      // What the basis leaves, itself: as a difference of squares it would vanish in their rounding.
+      if (s.basis.cols > 0) {
+        MatrixF inside = algebra::Multiply(rest, false, s.basis, false);
+        for (float& x : inside.values) x = -x;
+        algebra::MultiplyInto(inside, false, s.basis, true, 1.0f, rest.values.data(), rest.rows);
+      }
       std::vector<double> d(distance_.size(), 0.0);
-      const auto add = [&](const MatrixF& m, double sign) {
-        for (int64_t j = 0; j < m.cols; ++j) {
-          const float* const column = m.Column(j);
-          for (size_t i = 0; i < d.size(); ++i) d[i] += sign * column[i] * column[i];
-        }
-      };
-      add(rest, 1);
-      if (s.basis.cols > 0) add(algebra::Multiply(rest, false, s.basis, false), -1);
+      for (int64_t j = 0; j < rest.cols; ++j) {
+        const float* const column = rest.Column(j);
+        for (size_t i = 0; i < d.size(); ++i) d[i] += static_cast<double>(column[i]) * column[i];
+      }
       for (size_t i = 0; i < d.size(); ++i) {
-        if (d[i] < distance_[i]) distance_[i] = std::max(d[i], 0.0), result_.cluster[i] = static_cast<int>(k);
+        if (d[i] < distance_[i]) distance_[i] = d[i], result_.cluster[i] = static_cast<int>(k);
       }
     }
     double error = 0;

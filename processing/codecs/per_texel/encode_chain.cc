@@ -8,37 +8,45 @@
 
 namespace mesorig::codecs::per_texel {
 
-StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const btf::SampledBtf& btf,
+namespace {
+
+// [column][texel] to [texel][column], of `count` texels of `all`.
+void Turn(const float* columns, size_t all, size_t count, size_t samples, float* y) {
+  constexpr size_t kTile = 16;
+  for (size_t i = 0; i < count; i += kTile) {
+    const size_t n = std::min(kTile, count - i);
+    for (size_t j = 0; j < samples; ++j) {
+      for (size_t k = 0; k < n; ++k) y[(i + k) * samples + j] = columns[j * all + i + k];
+    }
+  }
+}
+
+}  // namespace
+
+StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const SampleSource& source,
                                                   const EncodeOptions& options,
                                                   const ChainEncoding& encoding,
                                                   const Encoder& encoder, const FitBlock& fit) {
-  const btf::BtfHeader& h = btf.header();
-  const size_t texels = h.texel_count(), lights = h.lights.size();
-  const size_t size = LayoutOf(encoding.stages, h).size;
-  btf::BtfFileInfo info = InfoOf(btf, encoder.name(), encoding.version);
-  std::vector<size_t> pairs;
-  for (size_t pair = 0; pair < info.present.size(); ++pair) {
-    if (info.present[pair] != 0) pairs.push_back(pair);
-  }
+  const btf::BtfHeader& h = source.header();
+  const size_t texels = h.texel_count(), size = LayoutOf(encoding.stages, h).size;
+  btf::BtfFileInfo info = InfoOf(source, encoder.name(), encoding.version);
+  const std::vector<size_t> pairs = source.Pairs();
   const size_t samples = 3 * pairs.size();
-  const size_t at_once = std::clamp<size_t>(
-      static_cast<size_t>(std::max<int64_t>(options.block_bytes, 1)) / (4 * samples), 1, texels);
-  std::vector<float> values(texels * size, 0.0f), y(at_once * samples);
+  const auto at_once =
+      static_cast<size_t>(BlocksOf(source, 4 * static_cast<int64_t>(samples), options.block_bytes).texels);
+  std::vector<float> values(texels * size, 0.0f), columns(std::min(at_once, texels) * samples),
+      y(columns.size());
   for (size_t first = 0; first < texels; first += at_once) {
     const size_t count = std::min(at_once, texels - first);
-    for (size_t p = 0; p < pairs.size(); ++p) {
-      const float* const image =
-          btf.Image(static_cast<int>(pairs[p] / lights), static_cast<int>(pairs[p] % lights)).data();
-      for (size_t i = 0; i < count; ++i) {
-        std::copy_n(image + 3 * (first + i), 3, y.data() + i * samples + 3 * p);
-      }
-    }
+    MESORIG_RETURN_IF_ERROR(source.Columns(static_cast<int64_t>(first), static_cast<int64_t>(count),
+                                           pairs, columns.data()));
     const auto workers = static_cast<size_t>(algebra::Threads());
     const size_t part = (count + workers - 1) / workers;
     MESORIG_RETURN_IF_ERROR(algebra::ForParts(
         static_cast<int>(workers), static_cast<int64_t>(count), static_cast<int64_t>(part),
         [&](int worker, int64_t from, int64_t texels_of_part) {
           const auto i = static_cast<size_t>(from), n = static_cast<size_t>(texels_of_part);
+          Turn(columns.data() + i, count, n, samples, y.data() + i * samples);
           return fit({n, std::span(y).subspan(i * samples, n * samples),
                       std::span(values).subspan((first + i) * size, n * size), worker});
         }));
@@ -50,11 +58,11 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const btf::SampledBtf& btf,
                                    static_cast<float>(encoding.floor), std::move(values)));
 }
 
-std::vector<float> SquareWeights(const btf::SampledBtf& btf, const EncodeOptions& options,
-                                 const ChainFitter& fitter, double log_floor) {
+StatusOr<std::vector<float>> SquareWeights(const SampleSource& source, const EncodeOptions& options,
+                                           const ChainFitter& fitter, double log_floor) {
   std::vector<float> squares(3 * fitter.pairs().size(), 1.0f);
   if (!WeighsPairs(options)) return squares;
-  const SampleWeights weights = WeightsFor(btf, options, log_floor);
+  MESORIG_ASSIGN_OR_RETURN(const SampleWeights weights, WeightsFor(source, options, log_floor));
   for (size_t i = 0; i < squares.size(); ++i) {
     const float w = weights.sample[3 * fitter.pairs()[i / 3] + i % 3];
     squares[i] = w * w;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "processing/codecs/encoder.h"
+#include "processing/codecs/linear/sample_source.h"
 #include "processing/codecs/per_texel/chain_btf.h"
 #include "processing/codecs/per_texel/chain_fit.h"
 
@@ -36,8 +37,9 @@ struct ChainEncoding {
   // {"terms":...}, {}: what the file says beside the options.
   std::vector<std::pair<std::string, int>> counts;
 };
-// Reads the BTF in blocks of texels and packs what `fit` makes of them, on algebra::Threads() workers.
-StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const btf::SampledBtf& btf,
+// Reads the source in blocks of texels and packs what `fit` makes of them, on algebra::Threads()
+// workers. Memory: about twice options.block_bytes beside the tables.
+StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const SampleSource& source,
                                                   const EncodeOptions& options,
                                                   const ChainEncoding& encoding,
                                                   const Encoder& encoder, const FitBlock& fit);
@@ -46,8 +48,8 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const btf::SampledBtf& btf,
 std::vector<ChainFitter> FitterForEachWorker(const ChainFitter& fitter);
 
 // Weights of squares that options ask for: [present pair][rgb], 1 without. `log_floor` as WeightsFor.
-std::vector<float> SquareWeights(const btf::SampledBtf& btf, const EncodeOptions& options,
-                                 const ChainFitter& fitter, double log_floor = 0);
+StatusOr<std::vector<float>> SquareWeights(const SampleSource& source, const EncodeOptions& options,
+                                           const ChainFitter& fitter, double log_floor = 0);
 
 // The leading singular triplets of one texel's matrix of views x (light, channel) into stage 0, whose
 // axes must be view and light: P = U, Q = sigma V. What is absent counts as the texel's mean.

@@ -2,7 +2,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "processing/codecs/algebra/threads.h"
 #include "processing/codecs/encoder.h"
+#include "processing/codecs/linear/sample_source.h"
 #include "processing/codecs/rf_ptm/fit.h"
 #include "processing/codecs/rf_ptm/rf_ptm.h"
 
@@ -11,57 +13,95 @@ namespace {
 
 using Eigen::MatrixXd;
 
-struct ViewData {
+// One view: the columns of its pairs among those of all, 3 a light, and what fits them.
+struct View {
+  size_t first = 0;  // of source.Pairs()
   std::vector<Vec3> lights;
-  std::vector<std::span<const float>> images;
+  MatrixXd gram;  // mean products of its images inside the mask
+  MatrixXd fit;   // coefficients x lights
 };
 
-ViewData PresentImages(const btf::SampledBtf& btf, int view) {
-  ViewData data;
-  for (int l = 0; l < btf.header().light_count(); ++l) {
-    if (!btf.Present(view, l)) continue;
-    data.lights.push_back(btf.header().lights[static_cast<size_t>(l)]);
-    data.images.push_back(btf.Image(view, l));
+std::vector<View> ViewsOf(const SampleSource& source) {
+  const btf::BtfHeader& h = source.header();
+  std::vector<View> views(h.views.size());
+  const std::vector<size_t> pairs = source.Pairs();
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    View& view = views[pairs[i] / h.lights.size()];
+    if (view.lights.empty()) view.first = i;
+    view.lights.push_back(h.lights[pairs[i] % h.lights.size()]);
   }
-  return data;
+  return views;
 }
 
-// Mean products of the images of one view inside the mask.
-MatrixXd Gram(const btf::BtfHeader& header, const ViewData& data) {
-  const auto n = static_cast<Eigen::Index>(data.images.size());
-  MatrixXd gram = MatrixXd::Zero(n, n);
-  Eigen::VectorXd values(n);
-  double count = 0;
-  for (size_t i = 0; i < 3 * header.texel_count(); ++i) {
-    if (!header.InMask(i / 3)) continue;
-    for (Eigen::Index k = 0; k < n; ++k) values[k] = data.images[static_cast<size_t>(k)][i];
-    gram.selfadjointView<Eigen::Lower>().rankUpdate(values);
-    count += 1;
-  }
-  return MatrixXd(gram.selfadjointView<Eigen::Lower>()) / std::max(1.0, count);
-}
-
-// out: [coefficient][texel][rgb]
-void FitView(const btf::SampledBtf& btf, int view, double regularisation, float* out) {
-  const ViewData data = PresentImages(btf, view);
-  if (data.lights.empty()) return;
-  // Light vectors and lamps of a calibrated rig are measured; those of photographs are doubted.
-  const Eigen::VectorXd weights =
-      btf.header().calibrated
-          ? Eigen::VectorXd(Eigen::VectorXd::Ones(static_cast<Eigen::Index>(data.lights.size())))
-          : LightWeights(data.lights, Gram(btf.header(), data));
-  const MatrixXd fit = FitOperator(data.lights, weights, regularisation);
-  const size_t image = btf.image_size();
-  std::vector<double> sums(image);
-  for (Eigen::Index a = 0; a < kCoefficients; ++a) {
-    std::fill(sums.begin(), sums.end(), 0.0);
-    for (size_t k = 0; k < data.images.size(); ++k) {
-      const double factor = fit(a, static_cast<Eigen::Index>(k));
-      for (size_t i = 0; i < image; ++i) sums[i] += factor * data.images[k][i];
+// Reads the source once.
+Status AddGrams(const SampleSource& source, int64_t block_bytes, std::vector<View>& views) {
+  const btf::BtfHeader& h = source.header();
+  std::vector<std::vector<MatrixXd>> sums(static_cast<size_t>(algebra::Threads()));
+  for (std::vector<MatrixXd>& of_worker : sums) {
+    for (const View& view : views) {
+      const auto n = static_cast<Eigen::Index>(view.lights.size());
+      of_worker.push_back(MatrixXd::Zero(n, n));
     }
-    std::transform(sums.begin(), sums.end(), out + static_cast<size_t>(a) * image,
-                   [](double sum) { return static_cast<float>(sum); });
   }
+  MESORIG_RETURN_IF_ERROR(ForSampleBlocks(
+      source, block_bytes, [&](int worker, int64_t first, int64_t count, const float* samples) {
+        for (size_t v = 0; v < views.size(); ++v) {
+          const auto lights = static_cast<Eigen::Index>(views[v].lights.size());
+          const float* const from = samples + 3 * views[v].first * static_cast<size_t>(count);
+          MatrixXd columns = Eigen::Map<const Eigen::MatrixXf>(from, 3 * count, lights).cast<double>();
+          for (int64_t i = 0; i < 3 * count; ++i) {
+            if (!h.InMask(static_cast<size_t>(first + i % count))) columns.row(i).setZero();
+          }
+          sums[static_cast<size_t>(worker)][v].noalias() += columns.transpose() * columns;
+        }
+        return OkStatus();
+      }));
+  double inside = 0;
+  for (size_t i = 0; i < h.texel_count(); ++i) inside += h.InMask(i) ? 3 : 0;
+  for (size_t v = 0; v < views.size(); ++v) {
+    views[v].gram = sums[0][v];
+    for (size_t w = 1; w < sums.size(); ++w) views[v].gram += sums[w][v];
+    views[v].gram /= std::max(1.0, inside);
+  }
+  return OkStatus();
+}
+
+// [view][coefficient][texel][rgb]
+StatusOr<std::vector<float>> Fit(const SampleSource& source, double regularisation,
+                                 int64_t block_bytes) {
+  const btf::BtfHeader& h = source.header();
+  std::vector<View> views = ViewsOf(source);
+  // Light vectors and lamps of a calibrated rig are measured; those of photographs are doubted.
+  if (!h.calibrated) MESORIG_RETURN_IF_ERROR(AddGrams(source, block_bytes, views));
+  for (View& view : views) {
+    if (view.lights.empty()) continue;
+    Eigen::VectorXd weights = Eigen::VectorXd::Ones(static_cast<Eigen::Index>(view.lights.size()));
+    if (!h.calibrated) weights = LightWeights(view.lights, view.gram);
+    view.fit = FitOperator(view.lights, weights, regularisation);
+  }
+  const size_t image = 3 * h.texel_count();
+  std::vector<float> coefficients(views.size() * kCoefficients * image, 0.0f);
+  MESORIG_RETURN_IF_ERROR(ForSampleBlocks(
+      source, block_bytes, [&](int, int64_t first, int64_t count, const float* samples) {
+        const auto n = static_cast<size_t>(count);
+        std::vector<double> sums(3 * n);
+        for (size_t v = 0; v < views.size(); ++v) {
+          const float* const columns = samples + 3 * views[v].first * n;
+          for (size_t a = 0; a < kCoefficients; ++a) {
+            std::fill(sums.begin(), sums.end(), 0.0);
+            for (size_t k = 0; k < views[v].lights.size(); ++k) {
+              const double factor =
+                  views[v].fit(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(k));
+              for (size_t i = 0; i < 3 * n; ++i) sums[i] += factor * columns[3 * k * n + i];
+            }
+            float* const out = coefficients.data() + (v * kCoefficients + a) * image +
+                               3 * static_cast<size_t>(first);
+            for (size_t i = 0; i < 3 * n; ++i) out[i % n * 3 + i / n] = static_cast<float>(sums[i]);
+          }
+        }
+        return OkStatus();
+      }));
+  return coefficients;
 }
 
 // The power of two that brings the largest coefficient into (2^11, 2^12].
@@ -77,9 +117,9 @@ class RfPtmEncoder final : public Encoder {
  public:
   std::string_view name() const override { return kName; }
 
-  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
-                                               const EncodeOptions& options) const override {
-    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
+  StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
+                                                   const EncodeOptions& options) const override {
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(source, options, *this));
     if (options.terms != 0 && options.terms != kAllTerms) {
       return InvalidArgument("codec {} has six coefficients, not a choice of terms", kName);
     }
@@ -88,12 +128,9 @@ class RfPtmEncoder final : public Encoder {
     if (!std::isfinite(regularisation)) {
       return InvalidArgument("regularisation {} is not finite", regularisation);
     }
-    const size_t of_view = kCoefficients * btf.image_size();
-    std::vector<float> coefficients(btf.header().views.size() * of_view, 0.0f);
-    for (int v = 0; v < btf.header().view_count(); ++v) {
-      FitView(btf, v, regularisation, coefficients.data() + static_cast<size_t>(v) * of_view);
-    }
-    btf::BtfFileInfo info = InfoOf(btf, kName, kVersion);
+    MESORIG_ASSIGN_OR_RETURN(std::vector<float> coefficients,
+                             Fit(source, regularisation, options.block_bytes));
+    btf::BtfFileInfo info = InfoOf(source, kName, kVersion);
     info.value_scale = ScaleFor(coefficients);
     const auto inverse = static_cast<float>(1 / info.value_scale);
     for (float& a : coefficients) a *= inverse;

@@ -16,34 +16,38 @@ class Svd2Encoder final : public Encoder {
  public:
   std::string_view name() const override { return "svd2"; }
   unsigned options() const override { return kWeighting | kQuantisation; }
-  int max_terms(const btf::SampledBtf& btf) const override {
-    return std::min({btf.header().view_count(), 3 * btf.header().light_count(), 4096});
-  }
+  int max_terms(const btf::SampledBtf& btf) const override { return Most(btf.header()); }
 
   // Müller et al. 2004, Eq. 8.
-  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
-                                               const EncodeOptions& options) const override {
-    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
-    MESORIG_ASSIGN_OR_RETURN(const int terms, TermsOf(options, kDefaultTerms, max_terms(btf)));
+  StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
+                                                   const EncodeOptions& options) const override {
+    MESORIG_RETURN_IF_ERROR(CheckEncodable(source, options, *this));
+    const btf::BtfHeader& h = source.header();
+    MESORIG_ASSIGN_OR_RETURN(const int terms, TermsOf(options, kDefaultTerms, Most(h)));
     per_texel::ChainEncoding encoding;
     encoding.stages = {{Axis::kView, Axis::kLight, terms}};
     encoding.quantisation = QuantisationOf(options);
     encoding.counts = {{"terms", terms}};
-    const per_texel::ChainFitter fitter(btf.header(), InfoOf(btf, name(), 1).present, encoding.stages);
-    const std::vector<float> weights = per_texel::SquareWeights(btf, options, fitter);
-    const bool plain = btf.present_count() == btf.header().views.size() * btf.header().lights.size() &&
-                       !WeighsPairs(options);
+    const per_texel::ChainFitter fitter(h, source.present(), encoding.stages);
+    MESORIG_ASSIGN_OR_RETURN(const std::vector<float> weights,
+                             per_texel::SquareWeights(source, options, fitter));
+    const bool plain = fitter.pairs().size() == source.present().size() && !WeighsPairs(options);
     auto fitters = per_texel::FitterForEachWorker(fitter);
     return per_texel::EncodeChain(
-        btf, options, encoding, *this, [&](const per_texel::TexelBlock& block) -> Status {
+        source, options, encoding, *this, [&](const per_texel::TexelBlock& block) -> Status {
           per_texel::ChainFitter& own = fitters[static_cast<size_t>(block.worker)];
           for (size_t i = 0; i < block.texels; ++i) {
-            MESORIG_RETURN_IF_ERROR(per_texel::DecomposeTexel(btf.header(), fitter, block.Y(i),
+            MESORIG_RETURN_IF_ERROR(per_texel::DecomposeTexel(h, fitter, block.Y(i),
                                                               block.Values(i)));
             if (!plain) own.Refine(block.Y(i), weights, kSweeps, 0, block.Values(i));
           }
           return OkStatus();
         });
+  }
+
+ private:
+  static int Most(const btf::BtfHeader& h) {
+    return std::min({h.view_count(), 3 * h.light_count(), 4096});
   }
 };
 

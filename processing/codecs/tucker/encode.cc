@@ -103,15 +103,10 @@ class TuckerEncoder final : public Encoder {
     return MostLinearTerms(MemorySource(btf));
   }
 
-  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
-                                               const EncodeOptions& options) const override {
-    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
-    return Factorise(MemorySource(btf), SeparateWeightsFor(btf, options), options);
-  }
   StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
                                                    const EncodeOptions& options) const override {
     MESORIG_RETURN_IF_ERROR(CheckEncodable(source, options, *this));
-    MESORIG_ASSIGN_OR_RETURN(const SeparateWeights weights, WeightsOfDirections(source, options));
+    MESORIG_ASSIGN_OR_RETURN(const SeparateWeights weights, SeparateWeightsFor(source, options));
     return Factorise(source, weights, options);
   }
 

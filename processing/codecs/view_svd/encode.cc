@@ -20,7 +20,6 @@ using algebra::MatrixF;
 using algebra::ViewF;
 
 constexpr double kMaxGramBytes = 4e8;  // of each worker
-constexpr int64_t kMostBlockBytes = int64_t{512} << 20;  // of all workers together
 
 // The weighted samples in blocks of texels, for several workers at once.
 class ViewBlocks {
@@ -28,24 +27,20 @@ class ViewBlocks {
   ViewBlocks(const SampleSource& source, const SeparateWeights& weights, const EncodeOptions& options)
       : weights_(Product(weights)), matrix_(source, weights_, Weighting::kLinear),
         lights_(source.header().lights.size()), column_(source.present().size()),
-        workers_(algebra::Threads()) {
+        sizes_(BlocksOf(source, 4 * matrix_.cols(), options.block_bytes)) {
     for (size_t i = 0; i < matrix_.pairs().size(); ++i) column_[matrix_.pairs()[i]] = i;
     complete_ = matrix_.pairs().size() == column_.size();
-    const int64_t row = 4 * matrix_.cols(), granule = source.granule();
-    texels_ = std::clamp<int64_t>(options.block_bytes / row, 1, (matrix_.rows() + workers_ - 1) / workers_);
-    texels_ = std::max<int64_t>(texels_ / granule, 1) * granule;
-    workers_ = static_cast<int>(std::clamp<int64_t>(kMostBlockBytes / (row * texels_), 1, workers_));
   }
-  int workers() const { return workers_; }
+  int workers() const { return sizes_.workers; }
 
   // Calls function(worker, first texel, texels, samples).
   Status ForEach(const std::function<void(int, size_t, size_t, const float*)>& function) const {
-    std::vector<std::unique_ptr<float[]>> scratch(static_cast<size_t>(workers_));
+    std::vector<std::unique_ptr<float[]>> scratch(static_cast<size_t>(workers()));
     return algebra::ForParts(
-        workers_, matrix_.rows(), texels_, [&](int worker, int64_t first, int64_t count) -> Status {
+        workers(), matrix_.rows(), sizes_.texels, [&](int worker, int64_t first, int64_t count) -> Status {
           auto& own = scratch[static_cast<size_t>(worker)];
           if (own == nullptr) {
-            own = std::make_unique_for_overwrite<float[]>(static_cast<size_t>(texels_ * matrix_.cols()));
+            own = std::make_unique_for_overwrite<float[]>(static_cast<size_t>(sizes_.texels * matrix_.cols()));
           }
           MESORIG_RETURN_IF_ERROR(matrix_.Rows(first, count, own.get()).status());
           function(worker, static_cast<size_t>(first), static_cast<size_t>(count), own.get());
@@ -75,8 +70,7 @@ class ViewBlocks {
   size_t lights_;
   std::vector<size_t> column_;  // of each pair among those that are present
   bool complete_ = false;
-  int workers_;
-  int64_t texels_ = 1;
+  BlockSizes sizes_;
 };
 
 // The lights that the same views have seen, without what their rows say.
@@ -194,15 +188,10 @@ class ViewSvdEncoder final : public Encoder {
   unsigned options() const override { return kWeighting | kQuantisation; }
   int max_terms(const btf::SampledBtf& btf) const override { return btf.header().view_count(); }
 
-  StatusOr<std::unique_ptr<EncodedBtf>> Encode(const btf::SampledBtf& btf,
-                                               const EncodeOptions& options) const override {
-    MESORIG_RETURN_IF_ERROR(CheckEncodable(btf, options, *this));
-    return Factorised(MemorySource(btf), SeparateWeightsFor(btf, options), options);
-  }
   StatusOr<std::unique_ptr<EncodedBtf>> EncodeFrom(const SampleSource& source,
                                                    const EncodeOptions& options) const override {
     MESORIG_RETURN_IF_ERROR(CheckEncodable(source, options, *this));
-    MESORIG_ASSIGN_OR_RETURN(const SeparateWeights weights, WeightsOfDirections(source, options));
+    MESORIG_ASSIGN_OR_RETURN(const SeparateWeights weights, SeparateWeightsFor(source, options));
     return Factorised(source, weights, options);
   }
 

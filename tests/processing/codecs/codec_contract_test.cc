@@ -22,13 +22,7 @@ using btf::RingDirections;
 using btf::SyntheticBtf;
 using btf::TemporaryFolder;
 
-btf::BtfHeader Header() {
-  btf::BtfHeader header =
-      btf::SmallHeader(7, 5, RingDirections(2, 5, 60), RingDirections(2, 6, 60));
-  header.mask.assign(header.texel_count(), 1);
-  header.mask[3] = 0;
-  return header;
-}
+btf::BtfHeader Header() { return MaskedHeader(7, 5); }
 
 class EveryCodec : public ::testing::TestWithParam<const Encoder*> {
  protected:

@@ -8,8 +8,18 @@
 
 #include "processing/codecs/encoder.h"
 #include "processing/codecs/target.h"
+#include "tests/processing/btf/synthetic.h"
 
 namespace mesorig::codecs {
+
+// So many texels, 11 views x 13 lights; texel 3 lies outside the mask.
+inline btf::BtfHeader MaskedHeader(int width, int height) {
+  btf::BtfHeader header = btf::SmallHeader(width, height, btf::RingDirections(2, 5, 60),
+                                           btf::RingDirections(2, 6, 60));
+  header.mask.assign(header.texel_count(), 1);
+  header.mask[3] = 0;
+  return header;
+}
 
 // So many terms, nothing rounded.
 inline EncodeOptions Terms(int terms) {

@@ -185,7 +185,7 @@ TEST(ViewSvd, WeightsMoveTheErrorAndLoseNothing) {
     return std::sqrt(error / norm);
   };
   for (const auto& [options, at_most] : {std::pair{solid_angle, 1.0}, {relative, 1.03}}) {
-    const SampleWeights weights = WeightsFor(btf, options);
+    const SampleWeights weights = *WeightsFor(MemorySource(btf), options);
     for (const int terms : {1, 2, 3, 4}) {
       EXPECT_LT(weighted_error(weights, options, terms),
                 at_most * weighted_error(weights, {}, terms)) << terms;

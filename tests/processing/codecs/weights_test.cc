@@ -171,7 +171,7 @@ TEST(VarianceWeights, AreTheInverseOfAProductOfVariances) {
   }
   EncodeOptions options;
   options.floor = 1e-6;
-  const VarianceWeights w = WeightsOfVariance(btf, options, 0);
+  const VarianceWeights w = *WeightsOfVariance(MemorySource(btf), options, 0);
   for (size_t i = 1; i < btf.header().texel_count(); ++i) {
     EXPECT_NEAR(w.texel[i] / w.texel[0], of_texel(0) / of_texel(i), 1e-6);
   }
@@ -179,7 +179,7 @@ TEST(VarianceWeights, AreTheInverseOfAProductOfVariances) {
   // Of the logarithm: s / (value + floor)^2.
   btf::SampledBtf bright = btf;
   for (float& x : bright.MutableImage(2, 1)) x = 10;
-  const VarianceWeights log = WeightsOfVariance(bright, options, 1e-3);
+  const VarianceWeights log = *WeightsOfVariance(MemorySource(bright), options, 1e-3);
   EXPECT_GT(log.pair[btf.PairIndex(2, 1)] / log.pair[0],
             10 * w.pair[btf.PairIndex(2, 1)] / w.pair[0]);
   // All 1 where nothing is known.
@@ -188,7 +188,7 @@ TEST(VarianceWeights, AreTheInverseOfAProductOfVariances) {
       for (float& s : btf.MutableVariance(v, l)) s = 0;
     }
   }
-  EXPECT_THAT(WeightsOfVariance(btf, options, 0).pair, ::testing::Each(1.0));
+  EXPECT_THAT(WeightsOfVariance(MemorySource(btf), options, 0)->pair, ::testing::Each(1.0));
 }
 
 TEST(SolidAngles, DirectionsThatNearlyCoincideShareEvenlyWhatOneOfThemWouldHave) {
