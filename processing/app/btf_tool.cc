@@ -81,7 +81,7 @@ void AddCommands(CLI::App& app, Arguments& a) {
                        "most terms in a file of at most so many bytes")->check(CLI::PositiveNumber);
   compress->add_flag("--stream", a.compress.stream,
                      "read the file in strips, for one that does not fit into memory: 1 GB beside the "
-                     "factors at most (fmf, pvmf, tucker, view-svd); errors are not measured");
+                     "factors at most; errors are not measured");
 
   CLI::App* compare = AddCommand(
       app, "compare",

@@ -10,7 +10,8 @@ namespace {
 using per_texel::Axis;
 
 constexpr int kDefaultTerms = 1, kMostTerms = 4;
-constexpr int kSweepsOfSecond = 3, kSweepsOfBoth = 2;
+constexpr int kSweepsOfSecond = 3, kSweepsOfBoth = 10;
+constexpr int kSweepsForBytes = 2;  // of both: more of them widen the range that bytes have to hold
 
 class CmfEncoder final : public Encoder {
  public:
@@ -29,8 +30,10 @@ class CmfEncoder final : public Encoder {
     encoding.quantisation = QuantisationOf(options);
     encoding.counts = {{"terms", terms}};
     const per_texel::ChainFitter fitter(h, source.present(), encoding.stages);
-    MESORIG_ASSIGN_OR_RETURN(const std::vector<float> weights,
-                             per_texel::SquareWeights(source, options, fitter));
+    MESORIG_ASSIGN_OR_RETURN(const per_texel::ChainWeights weights,
+                             per_texel::ChainWeightsFor(source, options, fitter));
+    const int of_both =
+        encoding.quantisation == Quantisation::kByte ? kSweepsForBytes : kSweepsOfBoth;
     const size_t second = fitter.layout().stages[1].p_first;
     auto fitters = per_texel::FitterForEachWorker(fitter);
     return per_texel::EncodeChain(
@@ -38,12 +41,11 @@ class CmfEncoder final : public Encoder {
           per_texel::ChainFitter& own = fitters[static_cast<size_t>(block.worker)];
           for (size_t i = 0; i < block.texels; ++i) {
             const auto values = block.Values(i);
-            MESORIG_RETURN_IF_ERROR(
-                per_texel::DecomposeTexel(h, fitter, block.Y(i), values));
+            MESORIG_RETURN_IF_ERROR(per_texel::DecomposeTexel(h, fitter, weights, block.Y(i), values));
             std::fill(values.begin() + static_cast<std::ptrdiff_t>(second), values.end(), 1.0f);
-            own.Refine(block.Y(i), weights, kSweepsOfSecond, 1, values);
-            own.Refine(block.Y(i), weights, kSweepsOfBoth, 0, values);
           }
+          own.Refine(block.y, weights.squares, kSweepsOfSecond, 1, block.values);
+          own.Refine(block.y, weights.squares, of_both, 0, block.values);
           return OkStatus();
         });
   }

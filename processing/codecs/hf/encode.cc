@@ -115,9 +115,9 @@ class HfEncoder final : public Encoder {
     encoding.quantisation = QuantisationOf(options);
     encoding.floor = floor;
     const per_texel::ChainFitter fitter(h, source.present(), encoding.stages);
-    MESORIG_ASSIGN_OR_RETURN(const std::vector<float> weights,
-                             per_texel::SquareWeights(source, options, fitter, floor));
-    const LogFit fit(h, fitter, weights, floor);
+    MESORIG_ASSIGN_OR_RETURN(const per_texel::ChainWeights weights,
+                             per_texel::ChainWeightsFor(source, options, fitter, floor));
+    const LogFit fit(h, fitter, weights.squares, floor);
     return per_texel::EncodeChain(source, log, encoding, *this, fit);
   }
 };

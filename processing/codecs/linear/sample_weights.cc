@@ -239,11 +239,16 @@ StatusOr<double> WideFloor(const SampleSource& source, const EncodeOptions& opti
 
 StatusOr<SeparateWeights> SeparateWeightsFor(const SampleSource& source,
                                              const EncodeOptions& options) {
-  const size_t views = source.header().views.size(), lights = source.header().lights.size();
+  const btf::BtfHeader& h = source.header();
   MESORIG_ASSIGN_OR_RETURN(SampleWeights samples, WeightsFor(source, options));
+  SeparateWeights w = NearestProduct(std::move(samples), h.views.size(), h.lights.size());
+  w.plain = !WeighsPairs(options) && h.mask.empty();
+  return w;
+}
+
+SeparateWeights NearestProduct(SampleWeights samples, size_t views, size_t lights) {
   SeparateWeights w{std::vector<float>(views, 1.0f), std::vector<float>(lights, 1.0f),
-                    std::move(samples.texel), samples.floor};
-  w.plain = !WeighsPairs(options) && source.header().mask.empty();
+                    std::move(samples.texel), samples.floor, /*plain=*/false};
   const auto fit = [&](std::vector<float>& to, size_t v_step, size_t l_step) {
     std::vector<double> sums(to.size(), 0.0), counts(to.size(), 0.0);
     for (size_t v = 0; v < views; ++v) {

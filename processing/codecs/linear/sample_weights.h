@@ -58,6 +58,8 @@ struct SeparateWeights {
 // The product that comes nearest to WeightsFor: exact for solid angles.
 StatusOr<SeparateWeights> SeparateWeightsFor(const SampleSource& source,
                                              const EncodeOptions& options);
+// The product that comes nearest to `samples`; its texels' weights are those.
+SeparateWeights NearestProduct(SampleWeights samples, size_t views, size_t lights);
 // A product of weights, as weights of samples.
 SampleWeights Product(const SeparateWeights& weights);
 

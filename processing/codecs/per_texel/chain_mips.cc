@@ -8,6 +8,7 @@ namespace mesorig::codecs::per_texel {
 namespace {
 
 constexpr int kSweeps = 8;
+constexpr int kTogether = 8;  // texels, as the fitter takes them
 
 struct Level {
   int width = 0, height = 0;
@@ -24,33 +25,50 @@ void Unscale(const ChainFactors& f, const Layout& layout, size_t texel, float* v
   }
 }
 
+// The mean of what the texels below texel i of `coarse` say is added to y; the first of them is where
+// its tables start.
+void Gather(const ChainFitter& fitter, const Level& fine, const Level& coarse, int i,
+            std::span<float> y, std::vector<float>& texels) {
+  const size_t size = fitter.layout().size;
+  std::vector<size_t> below;
+  for (int dy = 0; dy < (fine.height > 1 ? 2 : 1); ++dy) {
+    for (int dx = 0; dx < (fine.width > 1 ? 2 : 1); ++dx) {
+      below.push_back(static_cast<size_t>((i / coarse.width * 2 + dy) * fine.width +
+                                          i % coarse.width * 2 + dx));
+    }
+  }
+  std::vector<float> one(y.size());
+  for (const size_t t : below) {
+    fitter.Evaluate(std::span(fine.values).subspan(t * size, size), one);
+    for (size_t k = 0; k < y.size(); ++k) y[k] += one[k] / static_cast<float>(below.size());
+  }
+  const auto first = fine.values.begin() + static_cast<std::ptrdiff_t>(below[0] * size);
+  texels.insert(texels.end(), first, first + static_cast<std::ptrdiff_t>(size));
+}
+
 Level Coarser(ChainFitter& fitter, const Level& fine) {
   Level coarse{std::max(1, fine.width / 2), std::max(1, fine.height / 2), {}};
   const size_t size = fitter.layout().size, samples = 3 * fitter.pairs().size();
   const std::vector<float> weights(samples, 1.0f);
-  std::vector<float> y(samples), one(samples);
-  for (int i = 0; i < coarse.width * coarse.height; ++i) {
-    std::vector<size_t> below;
-    for (int dy = 0; dy < (fine.height > 1 ? 2 : 1); ++dy) {
-      for (int dx = 0; dx < (fine.width > 1 ? 2 : 1); ++dx) {
-        below.push_back(static_cast<size_t>((i / coarse.width * 2 + dy) * fine.width +
-                                            i % coarse.width * 2 + dx));
+  const int all = coarse.width * coarse.height;
+  for (int first = 0; first < all; first += kTogether) {
+    const int count = std::min(kTogether, all - first);
+    std::vector<float> y(static_cast<size_t>(count) * samples, 0.0f), start;
+    for (int i = 0; i < count; ++i) {
+      Gather(fitter, fine, coarse, first + i,
+             std::span(y).subspan(static_cast<size_t>(i) * samples, samples), start);
+    }
+    std::vector<float> texels = start;
+    fitter.Refine(y, weights, kSweeps, 0, texels);
+    for (size_t i = 0; i < texels.size(); i += size) {
+      const auto texel = texels.begin() + static_cast<std::ptrdiff_t>(i);
+      const auto end = texel + static_cast<std::ptrdiff_t>(size);
+      // Of factors that no encoder makes, whose products leave float.
+      if (!std::all_of(texel, end, [](float x) { return std::isfinite(x); })) {
+        std::copy_n(start.begin() + static_cast<std::ptrdiff_t>(i), size, texel);
       }
     }
-    std::fill(y.begin(), y.end(), 0.0f);
-    for (const size_t t : below) {
-      fitter.Evaluate(std::span(fine.values).subspan(t * size, size), one);
-      for (size_t k = 0; k < samples; ++k) y[k] += one[k] / static_cast<float>(below.size());
-    }
-    const auto first = fine.values.begin() + static_cast<std::ptrdiff_t>(below[0] * size);
-    const std::vector<float> start(first, first + static_cast<std::ptrdiff_t>(size));
-    std::vector<float> texel = start;
-    fitter.Refine(y, weights, kSweeps, 0, texel);
-    // Of factors that no encoder makes, whose products leave float.
-    if (!std::all_of(texel.begin(), texel.end(), [](float x) { return std::isfinite(x); })) {
-      texel = start;
-    }
-    coarse.values.insert(coarse.values.end(), texel.begin(), texel.end());
+    coarse.values.insert(coarse.values.end(), texels.begin(), texels.end());
   }
   return coarse;
 }

@@ -58,16 +58,20 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const SampleSource& source,
                                    static_cast<float>(encoding.floor), std::move(values)));
 }
 
-StatusOr<std::vector<float>> SquareWeights(const SampleSource& source, const EncodeOptions& options,
-                                           const ChainFitter& fitter, double log_floor) {
-  std::vector<float> squares(3 * fitter.pairs().size(), 1.0f);
-  if (!WeighsPairs(options)) return squares;
-  MESORIG_ASSIGN_OR_RETURN(const SampleWeights weights, WeightsFor(source, options, log_floor));
-  for (size_t i = 0; i < squares.size(); ++i) {
+StatusOr<ChainWeights> ChainWeightsFor(const SampleSource& source, const EncodeOptions& options,
+                                       const ChainFitter& fitter, double log_floor) {
+  const size_t views = source.header().views.size(), lights = source.header().lights.size();
+  ChainWeights chain{std::vector<float>(3 * fitter.pairs().size(), 1.0f),
+                     std::vector<float>(views, 1.0f), std::vector<float>(lights, 1.0f)};
+  if (!WeighsPairs(options)) return chain;
+  MESORIG_ASSIGN_OR_RETURN(SampleWeights weights, WeightsFor(source, options, log_floor));
+  for (size_t i = 0; i < chain.squares.size(); ++i) {
     const float w = weights.sample[3 * fitter.pairs()[i / 3] + i % 3];
-    squares[i] = w * w;
+    chain.squares[i] = w * w;
   }
-  return squares;
+  SeparateWeights product = NearestProduct(std::move(weights), views, lights);
+  chain.view = std::move(product.view), chain.light = std::move(product.light);
+  return chain;
 }
 
 std::vector<ChainFitter> FitterForEachWorker(const ChainFitter& fitter) {
@@ -75,7 +79,8 @@ std::vector<ChainFitter> FitterForEachWorker(const ChainFitter& fitter) {
 }
 
 Status DecomposeTexel(const btf::BtfHeader& header, const ChainFitter& fitter,
-                      std::span<const float> y, std::span<float> values) {
+                      const ChainWeights& weights, std::span<const float> y,
+                      std::span<float> values) {
   const auto views = static_cast<int64_t>(header.views.size());
   const auto lights = static_cast<int64_t>(header.lights.size());
   const Layout::Tables& t = fitter.layout().stages[0];
@@ -87,6 +92,13 @@ Status DecomposeTexel(const btf::BtfHeader& header, const ChainFitter& fitter,
   for (size_t i = 0; i < turned.values.size(); ++i) turned.values[i] = static_cast<float>(mean[i % 3]);
   for (size_t i = 0; i < y.size(); ++i) {
     turned.values[3 * fitter.pairs()[i / 3] + i % 3] = y[i];
+  }
+  for (int64_t v = 0; v < views; ++v) {
+    float* const column = turned.Column(v);
+    const float of_view = weights.view[static_cast<size_t>(v)];
+    for (int64_t r = 0; r < 3 * lights; ++r) {
+      column[r] *= of_view * weights.light[static_cast<size_t>(r / 3)];
+    }
   }
   algebra::MatrixD gram(views, views);
   algebra::AddGram(turned, gram);
@@ -101,7 +113,9 @@ Status DecomposeTexel(const btf::BtfHeader& header, const ChainFitter& fitter,
     for (int64_t v = 0; v < views; ++v) {
       const float* const column = turned.Column(v);
       for (int64_t r = 0; r < 3 * lights; ++r) q[r] += p[v] * column[r];
+      p[v] /= weights.view[static_cast<size_t>(v)];
     }
+    for (int64_t r = 0; r < 3 * lights; ++r) q[r] /= weights.light[static_cast<size_t>(r / 3)];
   }
   return OkStatus();
 }

@@ -47,14 +47,18 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const SampleSource& source,
 // One for each worker, as `fitter`.
 std::vector<ChainFitter> FitterForEachWorker(const ChainFitter& fitter);
 
-// Weights of squares that options ask for: [present pair][rgb], 1 without. `log_floor` as WeightsFor.
-StatusOr<std::vector<float>> SquareWeights(const SampleSource& source, const EncodeOptions& options,
-                                           const ChainFitter& fitter, double log_floor = 0);
+// Weights that options ask for. `log_floor` as WeightsFor.
+struct ChainWeights {
+  std::vector<float> squares;      // of squared residuals: [present pair][rgb], 1 without
+  std::vector<float> view, light;  // of residuals: the product nearest to them
+};
+StatusOr<ChainWeights> ChainWeightsFor(const SampleSource& source, const EncodeOptions& options,
+                                       const ChainFitter& fitter, double log_floor = 0);
 
-// The leading singular triplets of one texel's matrix of views x (light, channel) into stage 0, whose
-// axes must be view and light: P = U, Q = sigma V. What is absent counts as the texel's mean.
-// Müller et al. 2004, Eq. 8.
+// The leading singular triplets of one texel's weighted matrix of views x (light, channel), freed from
+// the weights, into stage 0, whose axes must be view and light: P = U, Q = sigma V. What is absent counts
+// as the texel's mean. Müller et al. 2004, Eq. 8.
 Status DecomposeTexel(const btf::BtfHeader& header, const ChainFitter& fitter,
-                      std::span<const float> y, std::span<float> values);
+                      const ChainWeights& weights, std::span<const float> y, std::span<float> values);
 
 }  // namespace mesorig::codecs::per_texel

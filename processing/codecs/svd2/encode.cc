@@ -29,18 +29,18 @@ class Svd2Encoder final : public Encoder {
     encoding.quantisation = QuantisationOf(options);
     encoding.counts = {{"terms", terms}};
     const per_texel::ChainFitter fitter(h, source.present(), encoding.stages);
-    MESORIG_ASSIGN_OR_RETURN(const std::vector<float> weights,
-                             per_texel::SquareWeights(source, options, fitter));
+    MESORIG_ASSIGN_OR_RETURN(const per_texel::ChainWeights weights,
+                             per_texel::ChainWeightsFor(source, options, fitter));
     const bool plain = fitter.pairs().size() == source.present().size() && !WeighsPairs(options);
     auto fitters = per_texel::FitterForEachWorker(fitter);
     return per_texel::EncodeChain(
         source, options, encoding, *this, [&](const per_texel::TexelBlock& block) -> Status {
           per_texel::ChainFitter& own = fitters[static_cast<size_t>(block.worker)];
           for (size_t i = 0; i < block.texels; ++i) {
-            MESORIG_RETURN_IF_ERROR(per_texel::DecomposeTexel(h, fitter, block.Y(i),
-                                                              block.Values(i)));
-            if (!plain) own.Refine(block.Y(i), weights, kSweeps, 0, block.Values(i));
+            MESORIG_RETURN_IF_ERROR(
+                per_texel::DecomposeTexel(h, fitter, weights, block.Y(i), block.Values(i)));
           }
+          if (!plain) own.Refine(block.y, weights.squares, kSweeps, 0, block.values);
           return OkStatus();
         });
   }

@@ -81,7 +81,8 @@ TEST_P(Negative, TheFileSaysIt) {
     ASSERT_TRUE(read.ok()) << read.status();
     EXPECT_EQ((*read)->info().clamp_negative, clamp);
     const btf::SampledBtf decoded = DecodeAll(**read);
-    EXPECT_LT(btf::CompareBtf(decoded, DecodeAll(*encoded))->max_abs, 1e-6);
+    // Directions are stored as float: what is looked up between nodes moves by some ulps.
+    EXPECT_LT(btf::CompareBtf(decoded, DecodeAll(*encoded))->max_abs, 4e-6);
     const auto shader = (*read)->ToShader();
     if (shader) {
       EXPECT_EQ(shader->glsl.find("vec3 DecodeSigned(") != std::string::npos, clamp);
