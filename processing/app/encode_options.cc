@@ -45,7 +45,7 @@ void AddEncodeOptions(CLI::App* command, codecs::EncodeOptions& options) {
   command->add_option("--regularisation", options.regularisation,
                       "weight of the codec's prior, in lights (rf-ptm: 0.01)")
       ->check(CLI::Range(0.0, 1e6));
-  command->add_option("--clusters", options.clusters, "clusters of texels (pcmf: 32)")
+  command->add_option("--clusters", options.clusters, "clusters of texels (pcmf: 32, cmf: none)")
       ->check(CLI::Range(1, 2048));
   static const std::map<std::string, Weighting> weightings = {
       {"linear", Weighting::kLinear}, {"log", Weighting::kLog}, {"relative", Weighting::kRelative}};

@@ -111,6 +111,9 @@ void Btfs(const Seeds& seeds) {
   options.weighting = codecs::Weighting::kLog;
   options.terms = 1;
   Compressed(seeds, btf, "log", options);
+  options = {};
+  options.clusters = 2;
+  Compressed(seeds, btf, "clusters", options);
   header.mask = {1, 1, 0, 1, 1, 1};
   const fuzz::ScratchFolder scratch;
   MESORIG_CHECK(btf::WriteSampledBtf(btf::SyntheticBtf(header, 0.2), scratch.path() / "a").ok());

@@ -10,13 +10,19 @@ namespace {
 using per_texel::Axis;
 
 constexpr int kDefaultTerms = 1, kMostTerms = 4;
-constexpr int kSweepsOfSecond = 3, kSweepsOfBoth = 10;
-constexpr int kSweepsForBytes = 2;  // of both: more of them widen the range that bytes have to hold
+constexpr int kSweepsOfSecond = 3;
+
+// Sweeps of both stages together. More of them lower the error, but widen the range that bytes have to
+// hold, and let texels share out their product differently, so that tables of clusters fit worse.
+int SweepsOfBoth(const EncodeOptions& options, Quantisation quantisation) {
+  if (options.clusters > 0) return 0;
+  return quantisation == Quantisation::kByte ? 2 : 10;
+}
 
 class CmfEncoder final : public Encoder {
  public:
   std::string_view name() const override { return "cmf"; }
-  unsigned options() const override { return kWeighting | kQuantisation; }
+  unsigned options() const override { return kClusters | kWeighting | kQuantisation; }
   int max_terms(const btf::SampledBtf& btf) const override { return Most(btf.header()); }
 
   // Müller et al. 2004, Eq. 10.
@@ -26,18 +32,18 @@ class CmfEncoder final : public Encoder {
     const btf::BtfHeader& h = source.header();
     MESORIG_ASSIGN_OR_RETURN(const int terms, TermsOf(options, kDefaultTerms, Most(h)));
     per_texel::ChainEncoding encoding;
+    encoding.version = options.clusters > 0 ? 2 : 1;
     encoding.stages = {{Axis::kView, Axis::kLight, terms}, {Axis::kHalf, Axis::kDifference, 1}};
     encoding.quantisation = QuantisationOf(options);
     encoding.counts = {{"terms", terms}};
     const per_texel::ChainFitter fitter(h, source.present(), encoding.stages);
     MESORIG_ASSIGN_OR_RETURN(const per_texel::ChainWeights weights,
                              per_texel::ChainWeightsFor(source, options, fitter));
-    const int of_both =
-        encoding.quantisation == Quantisation::kByte ? kSweepsForBytes : kSweepsOfBoth;
+    const int of_both = SweepsOfBoth(options, encoding.quantisation);
     const size_t second = fitter.layout().stages[1].p_first;
     auto fitters = per_texel::FitterForEachWorker(fitter);
     return per_texel::EncodeChain(
-        source, options, encoding, *this, [&](const per_texel::TexelBlock& block) -> Status {
+        source, options, encoding, weights, *this, [&](const per_texel::TexelBlock& block) -> Status {
           per_texel::ChainFitter& own = fitters[static_cast<size_t>(block.worker)];
           for (size_t i = 0; i < block.texels; ++i) {
             const auto values = block.Values(i);

@@ -118,7 +118,7 @@ class HfEncoder final : public Encoder {
     MESORIG_ASSIGN_OR_RETURN(const per_texel::ChainWeights weights,
                              per_texel::ChainWeightsFor(source, options, fitter, floor));
     const LogFit fit(h, fitter, weights.squares, floor);
-    return per_texel::EncodeChain(source, log, encoding, *this, fit);
+    return per_texel::EncodeChain(source, log, encoding, weights, *this, fit);
   }
 };
 

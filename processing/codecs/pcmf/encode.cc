@@ -1,38 +1,16 @@
 #include <algorithm>
 
+#include "processing/codecs/algebra/local_pca.h"
 #include "processing/codecs/linear/linear_encoder.h"
-#include "processing/codecs/pcmf/local_pca.h"
 
 namespace mesorig::codecs::pcmf {
 namespace {
-
-using algebra::MatrixF;
 
 constexpr int kVersion = 1, kDefaultTerms = 8;
 constexpr int kDefaultClusters = 32, kMaxClusters = 2048;
 constexpr int kTexelsPerTerm = 4;  // by default no cluster is smaller on average
 constexpr size_t kHeldBytes = size_t{512} << 20;  // of clusters that are read together
 constexpr int64_t kCoordinates = 64, kCoordinatesPerTerm = 4;
-
-// Coordinates of the texels in the leading singular vectors, as clustering sees them.
-StatusOr<LocalPcaResult> Clusters(const AbrdfMatrix& matrix, const algebra::SvdOptions& base,
-                                  const LocalPcaOptions& options) {
-  algebra::SvdOptions svd_options = base;
-  svd_options.rank = std::max<int64_t>(kCoordinates, kCoordinatesPerTerm * options.terms);
-  svd_options.max_power_steps = 1;  // directions to cluster in, not factors
-  MESORIG_ASSIGN_OR_RETURN(const algebra::TruncatedSvd svd,
-                           algebra::DecomposeTruncated(matrix, svd_options));
-  MatrixF points = svd.u;
-  std::vector<float> weights(static_cast<size_t>(points.rows));
-  for (int64_t i = 0; i < points.rows; ++i) {
-    const float weight = matrix.TexelWeight(i);
-    weights[static_cast<size_t>(i)] = weight * weight;
-    for (int64_t j = 0; j < points.cols; ++j) {
-      points(i, j) *= static_cast<float>(svd.sigma[static_cast<size_t>(j)] / weight);
-    }
-  }
-  return ClusterByLocalPca(points, weights, options);
-}
 
 // Mean and basis of cluster k, from the full rows of its texels.
 Status FitBasis(const SampleSource& source, const SampleWeights& weights,
@@ -95,13 +73,16 @@ class PcmfEncoder final : public Encoder {
     shape.mean = true;
     MESORIG_ASSIGN_OR_RETURN(shape.terms,
                              TermsOf(options, kDefaultTerms, MostLinearTerms(source)));
-    LocalPcaOptions local;
+    algebra::LocalPcaOptions local;
     local.terms = shape.terms;
     MESORIG_ASSIGN_OR_RETURN(local.clusters, ClustersOf(source.header(), options, shape.terms));
     MESORIG_ASSIGN_OR_RETURN(const SampleWeights weights, WeightsFor(source, options));
     const AbrdfMatrix matrix(source, weights, options.weighting);
-    MESORIG_ASSIGN_OR_RETURN(const LocalPcaResult clusters,
-                             Clusters(matrix, SvdOptionsFor(options, shape.terms), local));
+    algebra::SvdOptions coordinates = SvdOptionsFor(
+        options, std::max<int64_t>(kCoordinates, kCoordinatesPerTerm * shape.terms));
+    coordinates.max_power_steps = 1;  // directions to cluster in, not factors
+    MESORIG_ASSIGN_OR_RETURN(const algebra::LocalPcaResult clusters,
+                             algebra::ClusterRows(matrix, weights.texel, coordinates, local));
     shape.clusters = clusters.clusters;
     LinearFactors factors = FactorsFor(source.header(), shape, weights, options);
     factors.cluster.assign(clusters.cluster.begin(), clusters.cluster.end());

@@ -137,10 +137,10 @@ std::array<float, 3> StageSum(const Stage& stage, const Layout::Tables& tables, 
 }
 
 std::array<float, 3> ProductOf(const std::vector<Stage>& stages, const Layout& layout,
-                               const PairTaps& taps, const float* texel, const float* scales) {
+                               const PairTaps& taps, const TableRows& rows, const float* scales) {
   std::array<float, 3> product{1, 1, 1};
   for (size_t s = 0; s < stages.size(); ++s) {
-    const auto sum = StageSum(stages[s], layout.stages[s], taps.p[s], taps.q[s], texel);
+    const auto sum = StageSum(stages[s], layout.stages[s], taps.p[s], taps.q[s], rows[s]);
     for (size_t c = 0; c < 3; ++c) product[c] *= sum[c] * scales[s];
   }
   return product;

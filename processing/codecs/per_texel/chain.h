@@ -55,9 +55,11 @@ struct PairTaps {
 };
 PairTaps TapsOf(const std::vector<Stage>& stages, const btf::BtfHeader& header, int view, int light);
 
-// The product of all stages, `texel` in the order of Layout; each stage times its scale.
+// Where each stage's tables are: numbers in the order of Layout, of which the stage reads its own.
+using TableRows = std::array<const float*, kMaxStages>;
+// The product of all stages, each times its scale.
 std::array<float, 3> ProductOf(const std::vector<Stage>& stages, const Layout& layout,
-                               const PairTaps& taps, const float* texel, const float* scales);
+                               const PairTaps& taps, const TableRows& rows, const float* scales);
 // One stage's sum.
 std::array<float, 3> StageSum(const Stage& stage, const Layout::Tables& tables, const Taps& p,
                               const Taps& q, const float* texel);

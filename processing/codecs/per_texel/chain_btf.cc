@@ -56,13 +56,24 @@ StatusOr<std::unique_ptr<EncodedBtf>> ChainBtf::Create(btf::BtfFileInfo info, Ch
       new ChainBtf(std::move(info), std::move(factors), std::move(interpolator)));
   const size_t texels = result->info_.header.texel_count();
   MESORIG_CHECK(result->factors_.stages.size() <= kMaxStages);
-  MESORIG_CHECK(result->factors_.values.size() == texels * result->layout_.size);
-  MESORIG_CHECK(result->factors_.scales.size() == texels * result->factors_.stages.size());
+  const ChainFactors& f = result->factors_;
+  MESORIG_CHECK(f.scales.size() == texels * f.stages.size());
+  if (f.clusters.empty()) {
+    MESORIG_CHECK(f.values.size() == texels * result->layout_.size);
+  } else {
+    MESORIG_CHECK(f.clusters.size() == f.scales.size());
+    const size_t last = *std::max_element(f.clusters.begin(), f.clusters.end());
+    MESORIG_CHECK((last + 1) * result->layout_.size <= f.values.size());
+  }
   return std::unique_ptr<EncodedBtf>(std::move(result));
 }
 
 std::array<float, 3> ChainBtf::Value(const PairTaps& taps, size_t texel) const {
-  auto rgb = ProductOf(factors_.stages, layout_, taps, factors_.values.data() + texel * layout_.size,
+  TableRows rows{};
+  for (size_t s = 0; s < factors_.stages.size(); ++s) {
+    rows[s] = factors_.values.data() + factors_.RowOf(texel, s) * layout_.size;
+  }
+  auto rgb = ProductOf(factors_.stages, layout_, taps, rows,
                        factors_.scales.data() + texel * factors_.stages.size());
   for (float& x : rgb) x -= factors_.floor;
   return rgb;
@@ -105,10 +116,28 @@ void ChainBtf::DecodeSamples(std::span<const NodeQuery> queries,
   }
 }
 
+std::vector<float> TablesOfTexels(const ChainFactors& f, const Layout& layout, bool unscale) {
+  const size_t stages = f.stages.size(), texels = f.scales.size() / stages;
+  std::vector<float> tables(texels * layout.size, 0.0f);
+  for (size_t i = 0; i < texels; ++i) {
+    for (size_t s = 0; s < stages; ++s) {
+      const Layout::Tables& t = layout.stages[s];
+      const auto terms = static_cast<size_t>(f.stages[s].terms);
+      const float* const from = f.values.data() + f.RowOf(i, s) * layout.size;
+      float* const to = tables.data() + i * layout.size;
+      const float scale = unscale ? f.scales[i * stages + s] : 1.0f;
+      std::copy_n(from + t.p_first, terms * t.p_nodes, to + t.p_first);
+      std::transform(from + t.q_first, from + t.q_first + terms * t.q_nodes * 3, to + t.q_first,
+                     [scale](float q) { return scale * q; });
+    }
+  }
+  return tables;
+}
+
 ChainFactors Balanced(std::vector<Stage> stages, const btf::BtfHeader& header,
                       Quantisation quantisation, float floor, std::vector<float> values) {
   const Layout layout = LayoutOf(stages, header);
-  ChainFactors factors{std::move(stages), quantisation, floor, std::move(values), {}};
+  ChainFactors factors{std::move(stages), quantisation, floor, std::move(values), {}, {}};
   for (size_t i = 0; i * layout.size < factors.values.size(); ++i) {
     for (size_t s = 0; s < factors.stages.size(); ++s) {
       factors.scales.push_back(BalanceStage(factors.stages[s], layout.stages[s],
@@ -117,6 +146,20 @@ ChainFactors Balanced(std::vector<Stage> stages, const btf::BtfHeader& header,
   }
   RoundTo(quantisation, factors.values);
   return factors;
+}
+
+void BalanceRows(const Layout& layout, ChainFactors& f) {
+  const size_t stages = f.stages.size(), rows = f.values.size() / layout.size;
+  std::vector<float> of_rows(rows * stages);
+  for (size_t k = 0; k < of_rows.size(); ++k) {
+    of_rows[k] = BalanceStage(f.stages[k % stages], layout.stages[k % stages],
+                              f.values.data() + k / stages * layout.size);
+  }
+  for (size_t i = 0; i < f.scales.size(); ++i) {
+    const float scale = f.scales[i] * of_rows[f.clusters[i] * stages + i % stages];
+    f.scales[i] = std::clamp(scale, kLeastScale, kMostScale);
+  }
+  RoundTo(f.quantisation, f.values);
 }
 
 }  // namespace mesorig::codecs::per_texel

@@ -16,9 +16,20 @@ struct ChainFactors {
   std::vector<Stage> stages;
   Quantisation quantisation = Quantisation::kHalf;
   float floor = 0;            // values are the product less this
-  std::vector<float> values;  // [texel][Layout], in [-1, 1]
-  std::vector<float> scales;  // [texel][stage], powers of two within 2^+-60
+  std::vector<float> values;  // [row][Layout], in [-1, 1]
+  std::vector<float> scales;  // [texel][stage], within 2^+-60
+  // [texel][stage]: the row of values that the texel's stage reads. Empty: a row is a texel.
+  std::vector<uint16_t> clusters;
+
+  size_t RowOf(size_t texel, size_t stage) const {
+    return clusters.empty() ? texel : clusters[texel * stages.size() + stage];
+  }
 };
+inline constexpr size_t kMaxClusters = 2048;  // whole numbers that half holds
+
+// Rows for texels, of factors that are clustered too: [texel][Layout], scales taken in where
+// `unscale`.
+std::vector<float> TablesOfTexels(const ChainFactors& factors, const Layout& layout, bool unscale);
 
 class ChainBtf final : public EncodedBtf {
  public:
@@ -31,7 +42,8 @@ class ChainBtf final : public EncodedBtf {
   void DecodeSamples(std::span<const NodeQuery> queries,
                      std::span<std::array<float, 3>> out) const override;
   std::vector<btf::Plane> Planes() const override;
-  // Fits the mip levels: about a third of what encoding with as many sweeps takes.
+  // Fits the mip levels: about a third of what encoding with as many sweeps takes. Clusters become
+  // texels; none where that takes more than 2 GiB.
   std::optional<ShaderForm> ToShader() const override;
 
   const ChainFactors& factors() const { return factors_; }
@@ -57,6 +69,9 @@ StatusOr<std::unique_ptr<EncodedBtf>> DecodeChain(btf::CodedBtf file, std::vecto
 // into [-1, 1] and rounded to what the file stores.
 ChainFactors Balanced(std::vector<Stage> stages, const btf::BtfHeader& header,
                       Quantisation quantisation, float floor, std::vector<float> values);
+
+// The same of factors that are clustered: rows into [-1, 1], scales of texels by what that took.
+void BalanceRows(const Layout& layout, ChainFactors& factors);
 
 // Internal: the levels above the first, one after the other as MipFactors of linear_mips.h has them;
 // each texel's tables are fitted to the mean of what the texels below decode to.

@@ -91,8 +91,9 @@ ChainFitter::~ChainFitter() = default;
 
 void ChainFitter::Evaluate(std::span<const float> texel, std::span<float> y) const {
   constexpr std::array<float, kMaxStages> kOnes = {1, 1};
+  const TableRows rows = {texel.data(), texel.data()};
   for (size_t i = 0; i < pairs_.size(); ++i) {
-    const auto rgb = ProductOf(stages_, layout_, taps_[i], texel.data(), kOnes.data());
+    const auto rgb = ProductOf(stages_, layout_, taps_[i], rows, kOnes.data());
     std::copy(rgb.begin(), rgb.end(), y.begin() + static_cast<std::ptrdiff_t>(3 * i));
   }
 }

@@ -15,16 +15,6 @@ struct Level {
   std::vector<float> values;  // scales multiplied in
 };
 
-// A texel's tables without a scale: each stage's is multiplied into its Q.
-void Unscale(const ChainFactors& f, const Layout& layout, size_t texel, float* values) {
-  for (size_t s = 0; s < f.stages.size(); ++s) {
-    const Layout::Tables& t = layout.stages[s];
-    const float scale = f.scales[texel * f.stages.size() + s];
-    float* const q = values + t.q_first;
-    for (size_t i = 0; i < static_cast<size_t>(f.stages[s].terms) * t.q_nodes * 3; ++i) q[i] *= scale;
-  }
-}
-
 // The mean of what the texels below texel i of `coarse` say is added to y; the first of them is where
 // its tables start.
 void Gather(const ChainFitter& fitter, const Level& fine, const Level& coarse, int i,
@@ -77,11 +67,8 @@ Level Coarser(ChainFitter& fitter, const Level& fine) {
 
 ChainMips FitMips(const btf::BtfFileInfo& info, const ChainFactors& factors) {
   ChainFitter fitter(info.header, info.present, factors.stages);
-  const size_t size = fitter.layout().size;
-  Level level{info.header.width, info.header.height, factors.values};
-  for (size_t i = 0; i < info.header.texel_count(); ++i) {
-    Unscale(factors, fitter.layout(), i, level.values.data() + i * size);
-  }
+  Level level{info.header.width, info.header.height,
+              TablesOfTexels(factors, fitter.layout(), /*unscale=*/true)};
   ChainMips mips;
   while (level.width > 1 || level.height > 1) {
     level = Coarser(fitter, level);

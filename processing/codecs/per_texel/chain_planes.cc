@@ -1,6 +1,7 @@
 // Tables as planes of a file, and back (README.md has their names).
 
 #include <algorithm>
+#include <cmath>
 
 #include "processing/codecs/linear/linear_planes.h"
 #include "processing/codecs/per_texel/chain_btf.h"
@@ -51,7 +52,8 @@ size_t PlaceOf(const Table& table, size_t channel) {
   return table.first + channel / 3 * 3 + 2 - channel % 3;
 }
 
-std::vector<std::string> ScaleChannels(size_t stages) {
+// "s0", "s1": a channel a stage.
+std::vector<std::string> StageChannels(size_t stages) {
   std::vector<std::string> channels;
   for (size_t s = 0; s < stages; ++s) channels.push_back(fmt::format("s{}", s));
   return channels;
@@ -63,21 +65,32 @@ std::vector<btf::Plane> ChainBtf::Planes() const {
   const btf::BtfHeader& h = info_.header;
   const size_t texels = h.texel_count(), stages = factors_.stages.size();
   std::vector<btf::Plane> planes = {FloorPlane(factors_.floor)};
-  btf::Plane scales{"S", h.width, h.height, ScaleChannels(stages), false, {}};
+  btf::Plane scales{"S", h.width, h.height, StageChannels(stages), false, {}};
   for (size_t s = 0; s < stages; ++s) {
     for (size_t i = 0; i < texels; ++i) scales.values.push_back(factors_.scales[i * stages + s]);
   }
   planes.push_back(std::move(scales));
+  size_t width = static_cast<size_t>(h.width), height = static_cast<size_t>(h.height);
+  if (!factors_.clusters.empty()) {
+    btf::Plane clusters{"K", h.width, h.height, StageChannels(stages), true, {}};
+    for (size_t s = 0; s < stages; ++s) {
+      for (size_t i = 0; i < texels; ++i) clusters.values.push_back(factors_.clusters[i * stages + s]);
+    }
+    planes.push_back(std::move(clusters));
+    width = factors_.values.size() / layout_.size, height = 1;
+  }
   for (const Table& table : TablesOf(factors_.stages, layout_)) {
     std::vector<std::string> channels = ChannelsOf(table);
     std::vector<float> values;
-    values.reserve(channels.size() * texels);
+    values.reserve(channels.size() * width * height);
     for (size_t channel = 0; channel < channels.size(); ++channel) {
       const size_t place = PlaceOf(table, channel);
-      for (size_t i = 0; i < texels; ++i) values.push_back(factors_.values[i * layout_.size + place]);
+      for (size_t i = 0; i < width * height; ++i) {
+        values.push_back(factors_.values[i * layout_.size + place]);
+      }
     }
-    planes.push_back(QuantisedPlane(table.name, h.width, h.height, std::move(channels),
-                                    factors_.quantisation, std::move(values)));
+    planes.push_back(QuantisedPlane(table.name, static_cast<int>(width), static_cast<int>(height),
+                                    std::move(channels), factors_.quantisation, std::move(values)));
   }
   return planes;
 }
@@ -104,7 +117,7 @@ Status CountTerms(const btf::CodedBtf& file, std::vector<Stage>& stages) {
 StatusOr<std::vector<float>> ReadScales(btf::CodedBtf& file, size_t stages) {
   const btf::BtfHeader& h = file.info.header;
   MESORIG_ASSIGN_OR_RETURN(const btf::Plane plane,
-                           TakePlane(file, "S", h.width, h.height, ScaleChannels(stages)));
+                           TakePlane(file, "S", h.width, h.height, StageChannels(stages)));
   const size_t texels = h.texel_count();
   std::vector<float> scales(plane.values.size());
   for (size_t i = 0; i < plane.values.size(); ++i) {
@@ -116,6 +129,30 @@ StatusOr<std::vector<float>> ReadScales(btf::CodedBtf& file, size_t stages) {
     scales[i % texels * stages + i / texels] = scale;
   }
   return scales;
+}
+
+// The clusters of `rows` that texels read; nothing without a part K.
+StatusOr<std::vector<uint16_t>> ReadClusters(btf::CodedBtf& file, size_t stages, int& rows) {
+  std::vector<uint16_t> clusters;
+  if (!file.planes.contains("K")) return clusters;
+  const btf::BtfHeader& h = file.info.header;
+  MESORIG_ASSIGN_OR_RETURN(const btf::Plane plane,
+                           TakePlane(file, "K", h.width, h.height, StageChannels(stages)));
+  const auto q = file.planes.find("Q0");  // CountTerms has found it
+  rows = q->second.width;
+  if (rows < 1 || rows > static_cast<int>(kMaxClusters)) {
+    return InvalidArgument("part Q0 has {} clusters, permitted are 1 to {}", rows, kMaxClusters);
+  }
+  const size_t texels = h.texel_count();
+  clusters.resize(plane.values.size());
+  for (size_t i = 0; i < plane.values.size(); ++i) {
+    const float k = plane.values[i];
+    if (!(k >= 0 && k < static_cast<float>(rows)) || k != std::floor(k)) {
+      return InvalidArgument("part K, texel {}: cluster {} of {}", i % texels, k, rows);
+    }
+    clusters[i % texels * stages + i / texels] = static_cast<uint16_t>(k);
+  }
+  return clusters;
 }
 
 // Numbers of the tables are at most 1: so is a term, and a product what the scales and terms say.
@@ -143,23 +180,26 @@ StatusOr<std::unique_ptr<EncodedBtf>> DecodeChain(btf::CodedBtf file, std::vecto
   MESORIG_ASSIGN_OR_RETURN(factors.scales, ReadScales(file, stages.size()));
   MESORIG_RETURN_IF_ERROR(CheckProducts(stages, factors.scales));
   const Layout layout = LayoutOf(stages, h);
-  const size_t texels = h.texel_count();
+  int width = h.width, height = h.height;
+  MESORIG_ASSIGN_OR_RETURN(factors.clusters, ReadClusters(file, stages.size(), width));
+  if (!factors.clusters.empty()) height = 1;
+  const size_t rows = static_cast<size_t>(width) * static_cast<size_t>(height);
   // Parts first, memory then: the planes prove the size.
   std::vector<std::pair<Table, std::vector<float>>> read;
   for (const Table& table : TablesOf(stages, layout)) {
-    MESORIG_ASSIGN_OR_RETURN(btf::Plane plane, TakePlane(file, table.name, h.width, h.height,
+    MESORIG_ASSIGN_OR_RETURN(btf::Plane plane, TakePlane(file, table.name, width, height,
                                                          ChannelsOf(table)));
     MESORIG_ASSIGN_OR_RETURN(std::vector<float> values,
                              Dequantised(std::move(plane), factors.quantisation));
     read.emplace_back(table, std::move(values));
   }
   MESORIG_RETURN_IF_ERROR(CheckNothingLeft(file));
-  factors.values.resize(texels * layout.size);
+  factors.values.resize(rows * layout.size);
   for (const auto& [table, values] : read) {
-    for (size_t channel = 0; channel * texels < values.size(); ++channel) {
+    for (size_t channel = 0; channel * rows < values.size(); ++channel) {
       const size_t place = PlaceOf(table, channel);
-      for (size_t i = 0; i < texels; ++i) {
-        factors.values[i * layout.size + place] = values[channel * texels + i];
+      for (size_t i = 0; i < rows; ++i) {
+        factors.values[i * layout.size + place] = values[channel * rows + i];
       }
     }
   }

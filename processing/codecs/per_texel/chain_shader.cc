@@ -12,6 +12,8 @@ constexpr std::string_view kFilter =
 #include "processing/codecs/filter_glsl.inc"
     ;
 
+constexpr size_t kMostLayerBytes = size_t{2} << 30;
+
 // All texels' numbers, three a layer, as layers of W*H*3 values from `first` on.
 void PutLayers(const std::vector<float>& values, size_t size, size_t layer_texels, size_t first,
                std::vector<float>& rgb) {
@@ -28,6 +30,7 @@ std::optional<ShaderForm> ChainBtf::ToShader() const {
   const btf::BtfHeader& h = info_.header;
   const size_t texels = h.texel_count(), stages = factors_.stages.size();
   const size_t stacks = (layout_.size + 2) / 3;
+  if (!factors_.clusters.empty() && 24 * stacks * texels > kMostLayerBytes) return std::nullopt;
   ShaderForm form;
   form.columns = static_cast<int>(stacks);
   form.layers = static_cast<int>(2 * stacks);
@@ -35,7 +38,11 @@ std::optional<ShaderForm> ChainBtf::ToShader() const {
   form.glsl += kFilter;
   form.rgb.assign(2 * stacks * texels * 3, 0.0f);
   const ChainMips mips = FitMips(info_, factors_);
-  PutLayers(factors_.values, layout_.size, texels, 0, form.rgb);
+  if (factors_.clusters.empty()) {
+    PutLayers(factors_.values, layout_.size, texels, 0, form.rgb);
+  } else {
+    PutLayers(TablesOfTexels(factors_, layout_, /*unscale=*/false), layout_.size, texels, 0, form.rgb);
+  }
   PutLayers(mips.values, layout_.size, texels, stacks, form.rgb);
   form.table = {static_cast<float>(h.light_count()), factors_.floor, static_cast<float>(stages)};
   for (size_t s = 0; s < stages; ++s) {

@@ -5,6 +5,7 @@
 #include "processing/codecs/algebra/matrix.h"
 #include "processing/codecs/linear/pack_factors.h"
 #include "processing/codecs/linear/sample_weights.h"
+#include "processing/codecs/per_texel/cluster_tables.h"
 
 namespace mesorig::codecs::per_texel {
 
@@ -26,6 +27,7 @@ void Turn(const float* columns, size_t all, size_t count, size_t samples, float*
 StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const SampleSource& source,
                                                   const EncodeOptions& options,
                                                   const ChainEncoding& encoding,
+                                                  const ChainWeights& weights,
                                                   const Encoder& encoder, const FitBlock& fit) {
   const btf::BtfHeader& h = source.header();
   const size_t texels = h.texel_count(), size = LayoutOf(encoding.stages, h).size;
@@ -51,18 +53,27 @@ StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const SampleSource& source,
                       std::span(values).subspan((first + i) * size, n * size), worker});
         }));
   }
-  info.codec_options_json =
-      OptionsJson(options, encoding.quantisation, encoding.floor, encoding.counts);
-  return ChainBtf::Create(std::move(info),
-                          Balanced(encoding.stages, h, encoding.quantisation,
-                                   static_cast<float>(encoding.floor), std::move(values)));
+  ChainFactors factors;
+  const auto floor = static_cast<float>(encoding.floor);
+  auto counts = encoding.counts;
+  if (options.clusters == 0) {
+    factors = Balanced(encoding.stages, h, encoding.quantisation, floor, std::move(values));
+  } else {
+    MESORIG_ASSIGN_OR_RETURN(
+        factors,
+        ClusterTables(ChainFitter(h, source.present(), encoding.stages), weights, options.clusters,
+                      encoding.quantisation, floor, std::move(values)));
+    counts.emplace_back("clusters", options.clusters);
+  }
+  info.codec_options_json = OptionsJson(options, encoding.quantisation, encoding.floor, counts);
+  return ChainBtf::Create(std::move(info), std::move(factors));
 }
 
 StatusOr<ChainWeights> ChainWeightsFor(const SampleSource& source, const EncodeOptions& options,
                                        const ChainFitter& fitter, double log_floor) {
   const size_t views = source.header().views.size(), lights = source.header().lights.size();
   ChainWeights chain{std::vector<float>(3 * fitter.pairs().size(), 1.0f),
-                     std::vector<float>(views, 1.0f), std::vector<float>(lights, 1.0f)};
+                     std::vector<float>(views, 1.0f), std::vector<float>(lights, 1.0f), {}};
   if (!WeighsPairs(options)) return chain;
   MESORIG_ASSIGN_OR_RETURN(SampleWeights weights, WeightsFor(source, options, log_floor));
   for (size_t i = 0; i < chain.squares.size(); ++i) {
@@ -71,6 +82,7 @@ StatusOr<ChainWeights> ChainWeightsFor(const SampleSource& source, const EncodeO
   }
   SeparateWeights product = NearestProduct(std::move(weights), views, lights);
   chain.view = std::move(product.view), chain.light = std::move(product.light);
+  chain.texel = std::move(product.texel);
   return chain;
 }
 

@@ -29,6 +29,17 @@ struct TexelBlock {
 };
 using FitBlock = std::function<Status(const TexelBlock&)>;
 
+// Weights that options ask for. `log_floor` as WeightsFor.
+struct ChainWeights {
+  std::vector<float> squares;      // of squared residuals: [present pair][rgb], 1 without
+  std::vector<float> view, light;  // of residuals: the product nearest to them
+  std::vector<float> texel;        // of residuals; empty: all alike
+
+  float Texel(size_t i) const { return texel.empty() ? 1.0f : texel[i]; }
+};
+StatusOr<ChainWeights> ChainWeightsFor(const SampleSource& source, const EncodeOptions& options,
+                                       const ChainFitter& fitter, double log_floor = 0);
+
 struct ChainEncoding {
   int version = 1;
   std::vector<Stage> stages;
@@ -38,22 +49,15 @@ struct ChainEncoding {
   std::vector<std::pair<std::string, int>> counts;
 };
 // Reads the source in blocks of texels and packs what `fit` makes of them, on algebra::Threads()
-// workers. Memory: about twice options.block_bytes beside the tables.
+// workers; clustered where options ask for it. Memory: about twice options.block_bytes beside the tables.
 StatusOr<std::unique_ptr<EncodedBtf>> EncodeChain(const SampleSource& source,
                                                   const EncodeOptions& options,
                                                   const ChainEncoding& encoding,
+                                                  const ChainWeights& weights,
                                                   const Encoder& encoder, const FitBlock& fit);
 
 // One for each worker, as `fitter`.
 std::vector<ChainFitter> FitterForEachWorker(const ChainFitter& fitter);
-
-// Weights that options ask for. `log_floor` as WeightsFor.
-struct ChainWeights {
-  std::vector<float> squares;      // of squared residuals: [present pair][rgb], 1 without
-  std::vector<float> view, light;  // of residuals: the product nearest to them
-};
-StatusOr<ChainWeights> ChainWeightsFor(const SampleSource& source, const EncodeOptions& options,
-                                       const ChainFitter& fitter, double log_floor = 0);
 
 // The leading singular triplets of one texel's weighted matrix of views x (light, channel), freed from
 // the weights, into stage 0, whose axes must be view and light: P = U, Q = sigma V. What is absent counts

@@ -34,7 +34,7 @@ class Svd2Encoder final : public Encoder {
     const bool plain = fitter.pairs().size() == source.present().size() && !WeighsPairs(options);
     auto fitters = per_texel::FitterForEachWorker(fitter);
     return per_texel::EncodeChain(
-        source, options, encoding, *this, [&](const per_texel::TexelBlock& block) -> Status {
+        source, options, encoding, weights, *this, [&](const per_texel::TexelBlock& block) -> Status {
           per_texel::ChainFitter& own = fitters[static_cast<size_t>(block.worker)];
           for (size_t i = 0; i < block.texels; ++i) {
             MESORIG_RETURN_IF_ERROR(

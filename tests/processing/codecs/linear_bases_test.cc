@@ -10,12 +10,12 @@
 #include <random>
 
 #include "processing/btf/errors.h"
+#include "processing/codecs/algebra/local_pca.h"
 #include "processing/codecs/algebra/matrix.h"
 #include "processing/codecs/encoder.h"
 #include "processing/codecs/linear/linear_btf.h"
 #include "processing/codecs/linear/linear_mips.h"
 #include "processing/codecs/linear/sample_weights.h"
-#include "processing/codecs/pcmf/local_pca.h"
 #include "processing/codecs/target.h"
 #include "protocol/base/file_writer.h"
 #include "tests/processing/btf/synthetic.h"
@@ -143,11 +143,11 @@ TEST(LocalPca, ErrorsFallAndDeadClustersStartAgain) {
                      0.001f * normal(random);
     }
   }
-  pcmf::LocalPcaOptions options;
+  algebra::LocalPcaOptions options;
   options.clusters = 3;
   options.terms = 1;
   const std::vector<float> weights(300, 1.0f);
-  const auto result = pcmf::ClusterByLocalPca(points, weights, options);
+  const auto result = algebra::ClusterByLocalPca(points, weights, options);
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_EQ(result->clusters, 3);
   for (int64_t i = 3; i < 300; ++i) {
@@ -157,10 +157,10 @@ TEST(LocalPca, ErrorsFallAndDeadClustersStartAgain) {
     EXPECT_LE(result->errors[k], result->errors[k - 1] * (1 + 1e-9));
   }
   const algebra::MatrixF same(50, 4);  // duplicates: one cluster is all that can be
-  const auto one = pcmf::ClusterByLocalPca(same, std::vector<float>(50, 1.0f), options);
+  const auto one = algebra::ClusterByLocalPca(same, std::vector<float>(50, 1.0f), options);
   ASSERT_TRUE(one.ok());
   EXPECT_EQ(one->clusters, 1);
-  EXPECT_FALSE(pcmf::ClusterByLocalPca(points, {}, options).ok());
+  EXPECT_FALSE(algebra::ClusterByLocalPca(points, {}, options).ok());
 }
 
 // The coarsest level of a material decodes to the mean of all its texels, as far as the bases reach.

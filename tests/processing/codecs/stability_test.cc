@@ -160,7 +160,7 @@ TEST_P(StableCodec, HugeScaleAndDynamicRange) {
   const auto of_matte = [&](Weighting weighting) {
     EncodeOptions o = Terms(4);
     o.weighting = weighting;
-    o.clusters = 1;
+    if (Takes(kLogWeighting)) o.clusters = 1;  // else the mirror would be a part of every texel
     o.floor = 0.01;
     const auto encoded = Encode(mirror, o);
     EXPECT_TRUE(encoded.ok()) << encoded.status();

@@ -1,4 +1,4 @@
-#include "processing/codecs/pcmf/local_pca.h"
+#include "processing/codecs/algebra/local_pca.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,11 +6,8 @@
 #include <numeric>
 #include <random>
 
-namespace mesorig::codecs::pcmf {
+namespace mesorig::codecs::algebra {
 namespace {
-
-using algebra::MatrixD;
-using algebra::MatrixF;
 
 constexpr int kMeansRounds = 6;
 constexpr double kWorthACluster = 1e-6;  // of the energy of all points
@@ -105,9 +102,9 @@ class LocalPca {
       }
       // What the basis leaves, itself: as a difference of squares it would vanish in their rounding.
       if (s.basis.cols > 0) {
-        MatrixF inside = algebra::Multiply(rest, false, s.basis, false);
+        MatrixF inside = Multiply(rest, false, s.basis, false);
         for (float& x : inside.values) x = -x;
-        algebra::MultiplyInto(inside, false, s.basis, true, 1.0f, rest.values.data(), rest.rows);
+        MultiplyInto(inside, false, s.basis, true, 1.0f, rest.values.data(), rest.rows);
       }
       std::vector<double> d(distance_.size(), 0.0);
       for (int64_t j = 0; j < rest.cols; ++j) {
@@ -160,9 +157,9 @@ class LocalPca {
       }
     }
     MatrixD covariance(dims, dims);
-    algebra::AddGram(centred, covariance);
+    AddGram(centred, covariance);
     std::vector<double> values;
-    MESORIG_RETURN_IF_ERROR(algebra::SymmetricEigen(covariance, values));
+    MESORIG_RETURN_IF_ERROR(SymmetricEigen(covariance, values));
     for (int64_t j = 0; j < s.basis.cols; ++j) {
       for (int64_t i = 0; i < dims; ++i) s.basis(i, j) = static_cast<float>(covariance(i, j));
     }
@@ -229,4 +226,19 @@ StatusOr<LocalPcaResult> ClusterByLocalPca(const MatrixF& points, const std::vec
   return LocalPca(points, weights, options).Run();
 }
 
-}  // namespace mesorig::codecs::pcmf
+StatusOr<LocalPcaResult> ClusterRows(const RowSource& rows, const std::vector<float>& row_weights,
+                                     const SvdOptions& svd_options, const LocalPcaOptions& options) {
+  MESORIG_ASSIGN_OR_RETURN(TruncatedSvd svd, DecomposeTruncated(rows, svd_options));
+  MatrixF& points = svd.u;
+  std::vector<float> squares(row_weights.size());
+  for (int64_t i = 0; i < points.rows; ++i) {
+    const float weight = row_weights[static_cast<size_t>(i)];
+    squares[static_cast<size_t>(i)] = weight * weight;
+    for (int64_t j = 0; j < points.cols; ++j) {
+      points(i, j) *= static_cast<float>(svd.sigma[static_cast<size_t>(j)] / weight);
+    }
+  }
+  return ClusterByLocalPca(points, squares, options);
+}
+
+}  // namespace mesorig::codecs::algebra

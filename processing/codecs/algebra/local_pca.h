@@ -5,13 +5,13 @@
 #include <cstdint>
 #include <vector>
 
-#include "processing/codecs/algebra/matrix.h"
+#include "processing/codecs/algebra/truncated_svd.h"
 
-namespace mesorig::codecs::pcmf {
+namespace mesorig::codecs::algebra {
 
 struct LocalPcaOptions {
   int clusters = 32;
-  int terms = 8;
+  int terms = 8;  // 0: k-means
   int max_rounds = 40;
   double stop = 1e-3;  // rounds end when one lowers the error by less than this fraction
   uint64_t seed = 1;
@@ -28,8 +28,14 @@ struct LocalPcaResult {
 // and the leading eigenvectors of the covariance of its points. Starts from k-means++ and a few
 // rounds of k-means. A cluster that loses its points starts again at the worst points of the others
 // while that error is worth a cluster (1e-6 of the total), else it is dropped.
-StatusOr<LocalPcaResult> ClusterByLocalPca(const algebra::MatrixF& points,
+StatusOr<LocalPcaResult> ClusterByLocalPca(const MatrixF& points,
                                            const std::vector<float>& weights,
                                            const LocalPcaOptions& options);
 
-}  // namespace mesorig::codecs::pcmf
+// Clusters of the rows of a matrix, in the coordinates of its leading singular vectors (there a row is
+// svd_options.rank numbers). `row_weights`, positive: what each row has been multiplied by; it counts
+// by the square of that.
+StatusOr<LocalPcaResult> ClusterRows(const RowSource& rows, const std::vector<float>& row_weights,
+                                     const SvdOptions& svd_options, const LocalPcaOptions& options);
+
+}  // namespace mesorig::codecs::algebra
