@@ -62,6 +62,7 @@ Status Bridge(const BridgeOptions& options) {
     MESORIG_ASSIGN_OR_RETURN(gpio, GpioBridge::Open(*link, LinesOf(rig, options.gpio)));
     spdlog::info("the simulated lines are on {}", options.gpio);
   }
+  spdlog::info("all bridges stand");
   while (link->health().ok()) {
     constexpr timespec kLook{1, 0};
     if (sigtimedwait(&signals, nullptr, &kLook) > 0) return OkStatus();

@@ -19,23 +19,34 @@ namespace mesorig::test {
 inline const std::string kSource = MESORIG_SOURCE_DIR;
 inline const std::string kTiny = kSource + "/tests/end_to_end/";
 
+struct RunningRigOptions {
+  bool daemon = true, processing = false;  // started at once
+  std::string seed = "7";
+  std::string rig = kTiny + "tiny_rig.toml";
+  std::string sample = kSource + "/rigs/samples/weave.toml";
+  int samples_per_side = 2;
+};
+
 // Simulator, daemon and, when asked for, the processing service of the tiny rig as processes, in a
 // folder of their own.
 class RunningRig {
  public:
-  explicit RunningRig(bool processing, std::string seed = "7") : seed_(std::move(seed)) {
+  explicit RunningRig(RunningRigOptions options) : options_(std::move(options)) {
     StartSimulator();
-    StartDaemon();
-    if (processing) StartProcessing();
+    if (options_.daemon) StartDaemon();
+    if (options_.processing) StartProcessing();
   }
+  explicit RunningRig(bool processing, std::string seed = "7")
+      : RunningRig(RunningRigOptions{.processing = processing, .seed = std::move(seed)}) {}
   // The first time, or after an end.
   void StartSimulator() {
-    sim_ = Start("mesorig-sim", {"run", "--rig", kTiny + "tiny_rig.toml", "--sample",
-                                 kSource + "/rigs/samples/weave.toml", "--seed", seed_, "--log",
+    sim_ = Start("mesorig-sim", {"run", "--rig", options_.rig, "--sample",
+                                 options_.sample, "--seed", options_.seed, "--samples-per-side",
+                                 std::to_string(options_.samples_per_side), "--log",
                                  (folder_ / "rig.tsv").string()});
   }
   void StartDaemon(const std::vector<std::string>& more = {}) {
-    std::vector<std::string> arguments = {"--rig", kTiny + "tiny_rig.toml", "--state-dir",
+    std::vector<std::string> arguments = {"--rig", options_.rig, "--state-dir",
                                           (folder_ / "state").string()};
     arguments.insert(arguments.end(), more.begin(), more.end());
     daemon_ = Start("mesorigd", std::move(arguments));
@@ -52,9 +63,9 @@ class RunningRig {
     words.insert(words.end(), {"--runtime-dir", folder_.path().string()});
     return RunProgram("mesorig-sim", words);
   }
-  // Runs tests/end_to_end/<plan> to its end. The simulator's operator answers prompts.
+  // Runs tests/end_to_end/<plan>, or one at an absolute path, to its end. The simulator's operator answers prompts.
   nlohmann::json RunPlan(const std::string& plan = "tiny_plan.toml") const {
-    std::vector<std::string> arguments = {"run", kTiny + plan, "--json", "--on-prompt", Operator()};
+    std::vector<std::string> arguments = {"run", std::filesystem::path(kTiny) / plan, "--json", "--on-prompt", Operator()};
     if (processing_ == nullptr) arguments.push_back("--no-products");
     const Outcome outcome = Mesorig(arguments);
     EXPECT_EQ(outcome.code, 0) << outcome.text << Logs();
@@ -103,7 +114,7 @@ class RunningRig {
     EXPECT_TRUE(AwaitFile(folder_ / (program + ".endpoint"))) << service->Log();
     return service;
   }
-  const std::string seed_;
+  const RunningRigOptions options_;
   TemporaryFolder folder_;
   std::unique_ptr<Service> sim_, daemon_, processing_;  // ended in the reverse order
 };

@@ -6,69 +6,12 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
-#include <algorithm>
-#include <functional>
-#include <map>
 #include <optional>
-#include <sstream>
 
-#include "tests/end_to_end/running_rig.h"
+#include "tests/end_to_end/rig_state.h"
 
 namespace mesorig::test {
 namespace {
-
-// The rig's log: when each thing last went off, and what is on still.
-struct RigState {
-  std::map<std::string, double> changed_s;
-  std::map<std::string, bool> on;
-  double now_s = 0, injected_s = 0;  // of the last line, and of the last that says "injected"
-  bool AnythingOn() const {
-    for (const auto& [what, is] : on) {
-      if (is) return true;
-    }
-    return false;
-  }
-};
-
-RigState ReadRig(const RunningRig& rig) {
-  RigState state;
-  std::istringstream lines(ReadFile(rig.folder() / "rig.tsv").value_or(""));
-  std::string line;
-  std::getline(lines, line);
-  while (std::getline(lines, line)) {
-    std::istringstream fields(line);
-    std::string time, what, event;
-    std::getline(fields, time, '\t');
-    std::getline(fields, what, '\t');
-    std::getline(fields, event, '\t');
-    const bool energy = what == "laser" || what.starts_with("lamp ") || what.starts_with("torque ");
-    state.now_s = std::stod(time);
-    if (what == "injected" || event == "injected") state.injected_s = state.now_s;
-    if (!energy) continue;
-    state.on[what] = event == "on";
-    state.changed_s[what] = state.now_s;
-  }
-  return state;
-}
-
-bool IsOn(const RigState& state, std::string_view kind) {
-  return std::any_of(state.on.begin(), state.on.end(),
-                     [&](const auto& each) { return each.second && each.first.starts_with(kind); });
-}
-
-bool LampAndTorque(const RigState& state) {
-  return IsOn(state, "lamp ") && IsOn(state, "torque ");
-}
-
-// The rig's own log, until `what` holds or for 20 s of host time.
-bool AwaitRig(const RunningRig& rig, const std::function<bool(const RigState&)>& what) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
-  while (!what(ReadRig(rig))) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    PollPause();
-  }
-  return true;
-}
 
 // How long after the signal the last of each was on, s; nothing: something stays on, or was never.
 struct OffAfter {
@@ -115,36 +58,11 @@ TEST(Safety, StoppedDaemon) {
   EXPECT_LE(off->torque_rig_s, 3) << "the drives' heartbeat and the quick stop";
 }
 
-// By hand, at the pace of the wall clock: an axis with torque, a lamp and the laser, all at once.
 // What is injected just before the signal changes nothing and leaves the rig's time in its log.
 std::optional<OffAfter> MeasureLaser(int signal, const char* name) {
   RunningRig rig(false);
-  const auto log = rig.folder() / "lease.log";
-  const Service lease("mesorig", {"lease", "take", "--runtime-dir", rig.folder().path().string()},
-                      log);
-  if (!AwaitRig(rig, [&](const RigState&) {
-        return lease.Log().find("yours until") != std::string::npos;
-      })) {
-    ADD_FAILURE() << lease.Log();
-    return std::nullopt;
-  }
-  const std::string token = std::to_string(std::stoull(lease.Log().substr(6)));
-  for (std::vector<std::string> words :
-       {std::vector<std::string>{"axis", "turntable", "--home"}, {"lamp", "lamp0"}}) {
-    words.insert(words.end(), {"--lease", token});
-    const Outcome done = rig.Mesorig(words);
-    EXPECT_EQ(done.code, 0) << done.text;
-  }
-  const Service laser("mesorig",
-                      {"laser", "--for", "10", "--lease", token, "--runtime-dir",
-                       rig.folder().path().string()},
-                      rig.folder() / "laser.log");
-  if (!AwaitRig(rig, [](const RigState& state) {
-        return LampAndTorque(state) && IsOn(state, "laser");
-      })) {
-    ADD_FAILURE() << laser.Log();
-    return std::nullopt;
-  }
+  const EverythingOnByHand everything(rig);
+  if (!everything.on()) return std::nullopt;
   EXPECT_EQ(rig.Inject({"can", "turntable", "free"}).code, 0);
   EXPECT_EQ(::kill(rig.daemon().pid(), signal), 0);
   const auto since = std::chrono::steady_clock::now();

@@ -23,7 +23,7 @@ using std::chrono::seconds;
 class CanAxis : public ::testing::Test {
  protected:
   void SetUp() override {
-    auto rig = LoadRig("/job/rig.toml");
+    auto rig = LoadRig("/job/source/rigs/demo.toml");
     ASSERT_TRUE(rig.ok()) << rig.status();
     rig_ = *std::move(rig);
     Shell("ip link set vcan0 up");

@@ -11,6 +11,10 @@ chip=/sys/kernel/config/gpio-sim/rig
 mkdir -p $chip/bank0
 echo 8 >$chip/bank0/num_lines
 echo rig-lines >$chip/bank0/label
+for line in 0:E-STOP 1:DOOR 3:LASER-GATE; do
+  mkdir -p $chip/bank0/line${line%%:*}
+  echo ${line#*:} >$chip/bank0/line${line%%:*}/name
+done
 echo 1 >$chip/live || failed=1
 kernel=$(uname -r)
 
@@ -29,12 +33,19 @@ test_with hil_bus_test 'GpioLines*:GpioChips*' 'gpio-sim (character device)'
 
 # The simulated rig, and its axes on vcan0.
 mkdir -p /tmp/rig
-/job/bin/mesorig-sim run --rig /job/rig.toml --sample /job/samples/weave.toml --runtime-dir /tmp/rig \
-  >>/job/simulator.txt 2>&1 &
-while [ ! -s /tmp/rig/mesorig-sim.endpoint ] && kill -0 $! 2>/dev/null; do sleep 0.2; done
+/job/bin/mesorig-sim run --rig /job/source/rigs/demo.toml --sample /job/source/rigs/samples/weave.toml \
+  --runtime-dir /tmp/rig >>/job/simulator.txt 2>&1 &
+simulator=$!
+while [ ! -s /tmp/rig/mesorig-sim.endpoint ] && kill -0 $simulator 2>/dev/null; do sleep 0.2; done
 /job/bin/mesorig-sim bridge --runtime-dir /tmp/rig --can vcan0 >>/job/simulator.txt 2>&1 &
+bridge=$!
 sleep 1
 test_with hil_driver_test 'CanAxis*' 'vcan0 (can-raw)'
+kill $bridge $simulator
+wait $bridge $simulator
+
+# mesorigd with its own simulator and bridges.
+test_with hil_rig_test '*' 'vcan0, gpio-sim, Modbus RTU on a pty'
 
 [ -s /job/tests.tsv ] || failed=1
 echo $failed >/job/status
