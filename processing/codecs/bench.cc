@@ -84,6 +84,13 @@ double AccessRate(const EncodedBtf& encoded, const btf::BtfHeader& h) {
 
 }  // namespace
 
+PeakMemory::PeakMemory() : restarted_(RestartPeak()), before_(MemoryOf("VmRSS:")) {}
+
+int64_t PeakMemory::Bytes() const {
+  const int64_t after = MemoryOf("VmHWM:");
+  return restarted_ && before_ >= 0 && after >= 0 ? std::max<int64_t>(after - before_, 0) : -1;
+}
+
 std::vector<BenchPoint> Sweep(const Encoder& encoder, const btf::SampledBtf& btf, int most_terms) {
   const std::string name(encoder.name());
   const int most = std::min(encoder.max_terms(btf), most_terms);
@@ -105,13 +112,11 @@ std::vector<BenchPoint> Sweep(const Encoder& encoder, const btf::SampledBtf& btf
 
 StatusOr<BenchResult> Measure(const BenchPoint& point, const btf::SampledBtf& btf) {
   BenchResult result;
-  const bool peak = RestartPeak();
-  const int64_t before = MemoryOf("VmRSS:");
+  const PeakMemory peak;
   const auto start = Clock::now();
   MESORIG_ASSIGN_OR_RETURN(result.encoded, EncodeBtf(*point.encoder, btf, point.options));
   result.encode_s = Since(start);
-  const int64_t after = MemoryOf("VmHWM:");
-  if (peak && before >= 0 && after >= 0) result.peak_bytes = std::max<int64_t>(after - before, 0);
+  result.peak_bytes = peak.Bytes();
   MESORIG_ASSIGN_OR_RETURN(result.bytes, FileBytes(*result.encoded));
   result.errors = MeasureDecoded(*result.encoded, btf);
   result.image_samples_per_s = ImageRate(*result.encoded, btf);

@@ -8,6 +8,18 @@
 
 namespace mesorig::codecs {
 
+// The most memory that this process has held since the object was made, beside what it held then. One
+// at a time: the peak is the process's.
+class PeakMemory {
+ public:
+  PeakMemory();
+  int64_t Bytes() const;  // -1 where the kernel does not tell
+
+ private:
+  bool restarted_;
+  int64_t before_;
+};
+
 struct BenchPoint {
   const Encoder* encoder = nullptr;
   EncodeOptions options;
@@ -28,8 +40,7 @@ struct BenchResult {
   std::string options_json;         // as the file says
   std::unique_ptr<EncodedBtf> encoded;
 };
-// Encodes, writes and reads nothing but the point's own file. One point at a time: the peak of memory
-// is the process's.
+// Encodes, writes and reads nothing but the point's own file. One point at a time (PeakMemory).
 StatusOr<BenchResult> Measure(const BenchPoint& point, const btf::SampledBtf& btf);
 
 }  // namespace mesorig::codecs

@@ -26,6 +26,9 @@ StatusOr<nlohmann::json> SvdBesideScikit(const std::filesystem::path& dir);
 // view-svd of 128 x 128 x 96 x 96 from its file beside reading the file.
 StatusOr<nlohmann::json> EncodeFromFile(const std::filesystem::path& dir);
 
+// Every codec of the same file by strips, and the most memory that it holds.
+StatusOr<nlohmann::json> PeaksOfStreams(const std::filesystem::path& dir);
+
 inline double Seconds(const std::function<void()>& work) {
   const auto start = std::chrono::steady_clock::now();
   work();

@@ -1,4 +1,5 @@
 #include "processing/codecs/algebra/threads.h"
+#include "processing/codecs/bench.h"
 #include "processing/codecs/encoder.h"
 #include "processing/codecs/linear/sample_source.h"
 #include "tests/bench/codecs.h"
@@ -40,6 +41,13 @@ btf::SampledBtf Example() {
   return btf;
 }
 
+// The factors as the file stores them, but as float.
+double FactorBytes(const codecs::EncodedBtf& encoded) {
+  double bytes = 0;
+  for (const btf::Plane& plane : encoded.Planes()) bytes += 4.0 * static_cast<double>(plane.values.size());
+  return bytes;
+}
+
 }  // namespace
 
 StatusOr<nlohmann::json> EncodeFromFile(const std::filesystem::path& dir) {
@@ -74,6 +82,28 @@ StatusOr<nlohmann::json> EncodeFromFile(const std::filesystem::path& dir) {
   json["read_and_encode_to_read"] = memory_s / read_s;
   json["strips_s"] = stream_s;
   json["strips_to_read"] = stream_s / read_s;
+  std::filesystem::remove(file);
+  return json;
+}
+
+StatusOr<nlohmann::json> PeaksOfStreams(const std::filesystem::path& dir) {
+  const std::filesystem::path file = dir / "bench.btf.exr";
+  MESORIG_RETURN_IF_ERROR(btf::WriteSampledBtf(Example(), file));
+  codecs::algebra::SetThreads(kThreads);
+  nlohmann::json json;
+  for (const codecs::Encoder* encoder : codecs::AllEncoders()) {
+    MESORIG_ASSIGN_OR_RETURN(btf::BtfStrips strips, btf::BtfStrips::Open(file));
+    const codecs::FileSource source(std::move(strips));
+    const codecs::PeakMemory peak;
+    StatusOr<std::unique_ptr<codecs::EncodedBtf>> encoded = InvalidArgument("not encoded");
+    const double seconds = Seconds([&] { encoded = encoder->EncodeFrom(source, {}); });
+    const double bytes = static_cast<double>(peak.Bytes());
+    MESORIG_RETURN_IF_ERROR(encoded.status());
+    const std::string name(encoder->name());
+    json[name + "_s"] = seconds;
+    json[name + "_peak_mb"] = 1e-6 * bytes;
+    json[name + "_factors_mb"] = 1e-6 * FactorBytes(**encoded);
+  }
   std::filesystem::remove(file);
   return json;
 }
