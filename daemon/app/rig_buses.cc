@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include "daemon/bus/gpio_line_port.h"
+#include "daemon/bus/libusb_port.h"
 #include "daemon/bus/sim_can_port.h"
 #include "daemon/bus/sim_line_port.h"
 #include "daemon/bus/sim_usb_port.h"
@@ -12,6 +13,12 @@
 #include "protocol/wire/channel.h"
 
 namespace mesorig::daemon {
+namespace {
+
+// LEGO MINDSTORMS NXT Hardware Developer Kit: the brick's endpoints.
+const UsbKind kNxtBrick{"NXT brick", 0x0694, 0x0002, 0x01, 0x82};
+
+}  // namespace
 
 StatusOr<std::unique_ptr<RigBuses>> RigBuses::Open(const std::filesystem::path& runtime_dir,
                                                    const Rig& rig) {
@@ -77,10 +84,14 @@ Status RigBuses::OpenLines() {
 }
 
 Status RigBuses::OpenUsb() {
-  if (rig_.buses.usb) {
-    return Unimplemented("[buses.usb]: the brick {} has no USB port yet", rig_.buses.usb->serial);
+  if (!rig_.buses.usb) {
+    MESORIG_ASSIGN_OR_RETURN(usb_, SimUsbPort::Open(*link_));
+    return OkStatus();
   }
-  MESORIG_ASSIGN_OR_RETURN(usb_, SimUsbPort::Open(*link_));
+  MESORIG_ASSIGN_OR_RETURN(auto port,
+                           LibusbPort::Open(*clock_, kNxtBrick, rig_.buses.usb->serial));
+  if (const Status there = port->Health(); !there.ok()) Log("bus").warn("{}", Message(there));
+  usb_ = std::move(port);
   return OkStatus();
 }
 

@@ -174,6 +174,7 @@ class RigQueue {
     return item;
   }
   bool EmptyInsideChange() const { return items_.empty(); }
+  size_t SizeInsideChange() const { return items_.size(); }
   void Clear() {
     clock_.Change([&] { items_.clear(); });
   }

@@ -9,6 +9,7 @@
 #include "simulator/bridge/can_bridge.h"
 #include "simulator/bridge/gpio_bridge.h"
 #include "simulator/bridge/modbus_bridge.h"
+#include "simulator/bridge/usb_bridge.h"
 
 namespace mesorig::simulator {
 namespace {
@@ -16,6 +17,7 @@ namespace {
 struct BridgeOptions {
   std::string runtime_dir = DefaultRuntimeDir().string();
   std::string can, modbus, gpio, rig;
+  int usb = 0;  // port; 0: not asked for
 };
 
 GpioBridgeOptions LinesOf(const Rig& rig, const std::string& label) {
@@ -30,8 +32,8 @@ GpioBridgeOptions LinesOf(const Rig& rig, const std::string& label) {
 }
 
 Status Bridge(const BridgeOptions& options) {
-  if (options.can.empty() && options.modbus.empty() && options.gpio.empty()) {
-    return InvalidArgument("--can, --modbus or --gpio is needed");
+  if (options.can.empty() && options.modbus.empty() && options.gpio.empty() && options.usb == 0) {
+    return InvalidArgument("--can, --modbus, --gpio or --usb is needed");
   }
   StartLogging("mesorig-sim");
   sigset_t signals;
@@ -48,6 +50,7 @@ Status Bridge(const BridgeOptions& options) {
   std::unique_ptr<CanBridge> can;
   std::unique_ptr<ModbusBridge> modbus;
   std::unique_ptr<GpioBridge> gpio;
+  std::unique_ptr<UsbBridge> usb;
   if (!options.can.empty()) {
     MESORIG_ASSIGN_OR_RETURN(can, CanBridge::Open(*link, options.can));
     spdlog::info("the simulated axes are on {}", options.can);
@@ -61,6 +64,12 @@ Status Bridge(const BridgeOptions& options) {
     MESORIG_ASSIGN_OR_RETURN(const Rig rig, LoadRig(options.rig));
     MESORIG_ASSIGN_OR_RETURN(gpio, GpioBridge::Open(*link, LinesOf(rig, options.gpio)));
     spdlog::info("the simulated lines are on {}", options.gpio);
+  }
+  if (options.usb != 0) {
+    MESORIG_ASSIGN_OR_RETURN(const Rig rig, LoadRig(options.rig));
+    if (!rig.buses.usb) return InvalidArgument("{}: [buses.usb] names no serial number", options.rig);
+    MESORIG_ASSIGN_OR_RETURN(usb, UsbBridge::Open(*link, options.usb, rig.buses.usb->serial));
+    spdlog::info("the simulated brick is at 127.0.0.1:{} (USB/IP)", options.usb);
   }
   spdlog::info("all bridges stand");
   while (link->health().ok()) {
@@ -81,8 +90,10 @@ Command AddBridgeCommand(CLI::App& app) {
   bridge->add_option("--can", options->can, "CAN interface for the axes (vcan0)");
   bridge->add_option("--modbus", options->modbus,
                      "Serial line for the lamps: becomes a link to a pseudo-terminal (Modbus RTU)");
-  CLI::Option* const rig = bridge->add_option("--rig", options->rig, "Rig file, for --gpio");
+  CLI::Option* const rig = bridge->add_option("--rig", options->rig, "Rig file, for --gpio and --usb");
   bridge->add_option("--gpio", options->gpio, "Label of a chip of gpio-sim, for the lines")->needs(rig);
+  bridge->add_option("--usb", options->usb, "Port of 127.0.0.1 for the laser's brick (USB/IP; 3240)")
+      ->check(CLI::Range(1, 65535))->needs(rig);
   return {bridge, [options] { return Bridge(*options); }};
 }
 

@@ -3,7 +3,7 @@
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/tmp
 failed=0
 echo started >/job/started
-modprobe -a vcan can-raw gpio-sim || failed=1
+modprobe -a vcan can-raw gpio-sim vhci-hcd || failed=1
 ip link set lo up
 ip link add vcan0 type vcan && ip link set vcan0 up || failed=1
 mount -t configfs configfs /sys/kernel/config
@@ -46,6 +46,13 @@ wait $bridge $simulator
 
 # mesorigd with its own simulator and bridges.
 test_with hil_rig_test '*' 'vcan0, gpio-sim, Modbus RTU on a pty'
+
+# Its laser's brick on the kernel's virtual USB host.
+{ cat /job/rig.toml; printf '[buses.usb]\nserial = "0016530A1B2C"\n'; } >/tmp/usb_rig.toml
+/job/bin/mesorig-sim bridge --runtime-dir /tmp/rig --usb 3240 --rig /tmp/usb_rig.toml \
+  >>/job/simulator.txt 2>&1 &
+sleep 1
+test_with hil_driver_test 'UsbBrick*' 'vhci-hcd (libusb)'
 
 [ -s /job/tests.tsv ] || failed=1
 echo $failed >/job/status

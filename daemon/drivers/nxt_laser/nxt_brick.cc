@@ -7,34 +7,47 @@ namespace {
 
 constexpr RigTime kReplyLimit = std::chrono::seconds(1);
 constexpr int kHaltAttempts = 3;
-constexpr uint8_t kWithReply = 0x00, kReply = 0x02;
+constexpr size_t kMostReplies = 8;  // that wait: one is owed, and late ones
+constexpr uint8_t kWithReply = 0x00, kSystemWithReply = 0x01, kReply = 0x02;
 enum Command : uint8_t {
   kSetOutputState = 0x04,
   kGetOutputState = 0x06,
   kResetMotorPosition = 0x0A,
   kGetBatteryLevel = 0x0B,
   kKeepAlive = 0x0D,
+  kGetFirmwareVersion = 0x88,  // a system command
 };
 // SETOUTPUTSTATE: mode, regulation and run state.
 constexpr uint8_t kMotorOn = 0x01, kBrake = 0x02, kRegulated = 0x04;
 constexpr uint8_t kRegulationIdle = 0x00, kRegulateSpeed = 0x01;
 constexpr uint8_t kRunIdle = 0x00, kRunRunning = 0x20;
 
-ByteWriter Telegram(Command command) {
+ByteWriter Telegram(Command command, uint8_t type = kWithReply) {
   ByteWriter out;
-  out.Put(kWithReply).Put(static_cast<uint8_t>(command));
+  out.Put(type).Put(static_cast<uint8_t>(command));
   return out;
 }
 
 }  // namespace
 
 NxtBrick::NxtBrick(RigClock& clock, UsbPort& port) : clock_(clock), port_(port), replies_(clock) {
-  port_.OnPacket(
-      [this](RigTime, std::string packet) { replies_.PushInsideChange(std::move(packet)); });
+  port_.OnPacket([this](RigTime, std::string packet) {
+    if (replies_.SizeInsideChange() < kMostReplies) {
+      replies_.PushInsideChange(std::move(packet));
+    } else {
+      ++unasked_;  // a device that never stops talking
+    }
+  });
 }
 
 NxtBrick::~NxtBrick() {
   port_.OnPacket([](RigTime, std::string) {});
+}
+
+NxtCounts NxtBrick::counts() const {
+  NxtCounts counts = counts_;
+  clock_.Read([&] { counts.unasked = unasked_; });
+  return counts;
 }
 
 StatusOr<std::string> NxtBrick::Exchange(std::string_view what, std::string telegram, size_t size) {
@@ -144,6 +157,19 @@ StatusOr<double> NxtBrick::BatteryVolts() {
   MESORIG_ASSIGN_OR_RETURN(const std::string reply,
                            Exchange("reading the battery", Telegram(kGetBatteryLevel).Take(), 5));
   return ByteReader(std::string_view(reply).substr(3)).Get<uint16_t>() * 1e-3;
+}
+
+StatusOr<Versions> NxtBrick::ReadVersions() {
+  MESORIG_ASSIGN_OR_RETURN(
+      const std::string reply,
+      Exchange("reading the versions", Telegram(kGetFirmwareVersion, kSystemWithReply).Take(), 7));
+  ByteReader in(std::string_view(reply).substr(3));
+  Versions versions;
+  versions.protocol_minor = in.Get<uint8_t>();
+  versions.protocol_major = in.Get<uint8_t>();
+  versions.firmware_minor = in.Get<uint8_t>();
+  versions.firmware_major = in.Get<uint8_t>();
+  return versions;
 }
 
 StatusOr<double> NxtBrick::KeepAlive() {

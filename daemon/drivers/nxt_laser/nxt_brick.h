@@ -19,12 +19,17 @@ struct OutputState {
   int32_t tacho_deg = 0;     // since the brick was switched on
 };
 
+struct Versions {
+  int protocol_major = 0, protocol_minor = 0, firmware_major = 0, firmware_minor = 0;
+};
+
 // What came wrong since the brick was opened first.
 struct NxtCounts {
   uint64_t unanswered = 0;  // telegrams without a reply in time
   uint64_t foreign = 0;     // replies to an earlier telegram, which came late: passed over
   uint64_t damaged = 0;     // no reply to any telegram, or of another size
   uint64_t refused = 0;     // with an error code
+  uint64_t unasked = 0;     // packets beyond those that a brick may owe: thrown away
 };
 
 // Of one rig thread. Borrows clock and port.
@@ -43,9 +48,10 @@ class NxtBrick {
   Status ResetPosition(int motor);
   StatusOr<OutputState> GetOutput(int motor);
   StatusOr<double> BatteryVolts();
+  StatusOr<Versions> ReadVersions();
   // Restarts the brick's sleep timer; returns its limit, s (0: never sleeps).
   StatusOr<double> KeepAlive();
-  const NxtCounts& counts() const { return counts_; }
+  NxtCounts counts() const;
 
  private:
   // `size` of the whole reply. Unavailable: no answer within a second, or the brick's error code.
@@ -59,6 +65,7 @@ class NxtBrick {
   RigClock& clock_;
   UsbPort& port_;
   RigQueue<std::string> replies_;
+  uint64_t unasked_ = 0;   // guarded by the clock's lock
   char lost_command_ = 0;  // whose reply may still come; 0: none
   NxtCounts counts_;
 };

@@ -9,6 +9,7 @@
 namespace mesorig::daemon::nxt_laser {
 namespace {
 
+constexpr int kProtocol = 1;           // of direct commands, the major number
 constexpr double kMinBattery_v = 6.5;  // six cells of 1.2 V, nearly empty
 constexpr int kTravelPower = 60, kApproachPower = 20;
 constexpr double kApproach_deg = 60;           // the last leg, always in the sweep's direction
@@ -66,6 +67,13 @@ class NxtLaser final : public LineLaser {
 
 Status NxtLaser::Open() {
   MESORIG_RETURN_IF_ERROR(Stop());
+  const auto versions = brick_.ReadVersions();
+  if (!versions.ok()) return Named(versions.status());
+  if (versions->protocol_major != kProtocol) {
+    return Unavailable("laser {}: the brick speaks protocol {}.{} (firmware {}.{:02}), {} is spoken here",
+                       laser_.name, versions->protocol_major, versions->protocol_minor,
+                       versions->firmware_major, versions->firmware_minor, kProtocol);
+  }
   const auto volts = brick_.BatteryVolts();
   if (!volts.ok()) return Named(volts.status());
   if (!(*volts >= kMinBattery_v)) {

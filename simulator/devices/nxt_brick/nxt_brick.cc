@@ -17,14 +17,22 @@ constexpr RigTime kReplyTime = milliseconds(7);
 constexpr RigTime kSleepTime = minutes(10);
 constexpr size_t kPacketBytes = 64;
 
-enum : uint8_t { kDirectWithReply = 0x00, kReply = 0x02, kDirectNoReply = 0x80 };
+enum : uint8_t {
+  kDirectWithReply = 0x00,
+  kSystemWithReply = 0x01,
+  kReply = 0x02,
+  kDirectNoReply = 0x80,
+};
 enum : uint8_t {
   kSetOutputState = 0x04,
   kGetOutputState = 0x06,
   kResetMotorPosition = 0x0A,
   kGetBatteryLevel = 0x0B,
   kKeepAlive = 0x0D,
+  kGetFirmwareVersion = 0x88,  // a system command
 };
+// Protocol 1.124, firmware 1.31: the minor number first.
+constexpr uint8_t kVersions[] = {124, 1, 31, 1};
 enum : uint8_t { kOk = 0x00, kUnknownCommand = 0xBE, kBadPacket = 0xBF, kOutOfRange = 0xC0 };
 enum : uint8_t { kMotorOn = 0x01, kBrake = 0x02, kRegulated = 0x04 };
 enum : uint8_t { kRegulateNothing = 0x00, kRegulateSpeed = 0x01 };
@@ -46,15 +54,20 @@ NxtBrick::NxtBrick(const Rig& rig, LaserUnit& unit)
 void NxtBrick::Command(RigTime now, std::string_view telegram, sim_wire::Outbox&) {
   if (!on_ || telegram.empty()) return;
   const auto type = static_cast<uint8_t>(telegram[0]);
-  if (type != kDirectWithReply && type != kDirectNoReply) {
+  const auto opcode = telegram.size() > 1 ? static_cast<uint8_t>(telegram[1]) : uint8_t{0};
+  const bool is_system = type == kSystemWithReply;
+  if (type != kDirectWithReply && type != kDirectNoReply && !is_system) {
     spdlog::warn("nxt: a telegram of type {:#04x} is left unanswered", type);
     return;
   }
   sleep_at_ = now + kSleepTime;
-  const auto opcode = telegram.size() > 1 ? static_cast<uint8_t>(telegram[1]) : uint8_t{0};
-  std::string answer = telegram.size() < 2 || telegram.size() > kPacketBytes
-                           ? Error(kBadPacket)
-                           : Answer(now, opcode, telegram.substr(2));
+  std::string answer;
+  if (telegram.size() < 2 || telegram.size() > kPacketBytes) {
+    answer = Error(kBadPacket);
+  } else {
+    answer = is_system ? AnswerSystem(opcode, telegram.substr(2))
+                       : Answer(now, opcode, telegram.substr(2));
+  }
   if (type == kDirectNoReply) return;
   const RigTime at = (replies_.empty() ? now : std::max(now, replies_.back().first)) + kReplyTime;
   replies_.emplace_back(at, ByteWriter().Put<uint8_t>(kReply).Put(opcode).Take() + answer);
@@ -79,6 +92,14 @@ std::string NxtBrick::Answer(RigTime now, uint8_t opcode, std::string_view body)
     default:
       return Error(kUnknownCommand);
   }
+}
+
+std::string NxtBrick::AnswerSystem(uint8_t opcode, std::string_view body) const {
+  if (opcode != kGetFirmwareVersion) return Error(kUnknownCommand);
+  if (!body.empty()) return Error(kBadPacket);
+  std::string answer = Error(kOk);
+  for (const uint8_t number : kVersions) answer.push_back(static_cast<char>(number));
+  return answer;
 }
 
 // Port, power, mode, regulation, turn ratio, run state, tacho limit (u32).

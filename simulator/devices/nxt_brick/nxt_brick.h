@@ -44,6 +44,7 @@ class NxtBrick final : public sim_wire::SimDevice {
   };
   // The reply to a direct command: everything after the opcode, status byte first.
   std::string Answer(RigTime now, uint8_t opcode, std::string_view body);
+  std::string AnswerSystem(uint8_t opcode, std::string_view body) const;
   std::string SetOutputState(RigTime now, std::string_view body);
   std::string GetOutputState(RigTime now, std::string_view body) const;
   std::string ResetMotorPosition(RigTime now, std::string_view body);

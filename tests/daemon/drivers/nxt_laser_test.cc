@@ -31,7 +31,7 @@ class MemoryBrick final : public UsbPort {
   std::vector<std::string> telegrams;
   bool off = false;
   std::function<std::string(std::string)> meddle;  // what becomes of a reply
-  int battery_mv = 7900;
+  int battery_mv = 7900, protocol = 1;
   double full_speed_deg_s = 900;
   double runs_on_s = 0;    // let go, the motor turns on for so long
   double overshoot_s = 0;  // likewise after its limit
@@ -41,7 +41,7 @@ class MemoryBrick final : public UsbPort {
     if (off) return OkStatus();
     std::string reply = Answer(std::string(packet));
     if (meddle) reply = meddle(reply);
-    clock_.Change([&] { handler_(RigTime{}, reply); });
+    Say(reply);
     return OkStatus();
   }
   void OnPacket(std::function<void(RigTime, std::string)> handler) override {
@@ -51,6 +51,9 @@ class MemoryBrick final : public UsbPort {
     const double moved = speed_ * Seconds(clock_.Now() - since_);
     if (limit_ > 0 && std::abs(moved) >= limit_) return at_ + std::copysign(limit_, speed_);
     return at_ + moved;
+  }
+  void Say(const std::string& packet) {
+    clock_.Change([&] { handler_(RigTime{}, packet); });
   }
   // Its supply was gone: counters begin at 0.
   void Restart() {
@@ -105,6 +108,9 @@ class MemoryBrick final : public UsbPort {
         return Bytes({2, 0x0B, 0, battery_mv & 255, battery_mv >> 8});
       case 0x0D:
         return Bytes({2, 0x0D, 0, 0xC0, 0x27, 0x09, 0x00});  // 600,000 ms
+      case 0x88:
+        EXPECT_EQ(telegram, Bytes({1, 0x88}));
+        return Bytes({2, 0x88, 0, 124, protocol, 31, 1});
     }
     ADD_FAILURE() << "unknown command " << int{command};
     return Bytes({2, command, 0xBE});
@@ -141,16 +147,17 @@ class NxtLaserTest : public ::testing::Test {
 TEST_F(NxtLaserTest, SpeaksTheManualsTelegrams) {
   ASSERT_EQ(laser_->Open(), OkStatus());
   EXPECT_EQ(brick_.telegrams[0], Bytes({0, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}));  // motor off
-  EXPECT_EQ(brick_.telegrams[1], Bytes({0, 0x0B}));
-  EXPECT_EQ(brick_.telegrams[2], Bytes({0, 0x0D}));
+  EXPECT_EQ(brick_.telegrams[1], Bytes({1, 0x88}));  // versions
+  EXPECT_EQ(brick_.telegrams[2], Bytes({0, 0x0B}));
+  EXPECT_EQ(brick_.telegrams[3], Bytes({0, 0x0D}));
   ASSERT_EQ(laser_->MarkZero(), OkStatus());
-  EXPECT_EQ(brick_.telegrams[3], Bytes({0, 0x0A, 0, 0}));
-  EXPECT_EQ(brick_.telegrams[4], Bytes({0, 6, 0}));
+  EXPECT_EQ(brick_.telegrams[4], Bytes({0, 0x0A, 0, 0}));
+  EXPECT_EQ(brick_.telegrams[5], Bytes({0, 6, 0}));
   // 900 deg/s at power 100 behind 1:240: 0.5625 deg/s is power 15.
   EXPECT_NEAR(laser_->StartSweep(RadFromDeg(0.5625)).value(), RadFromDeg(0.5625), 1e-9);
-  EXPECT_EQ(brick_.telegrams[5], Bytes({0, 4, 0, 15, 7, 1, 0, 0x20, 0, 0, 0, 0}));
+  EXPECT_EQ(brick_.telegrams[6], Bytes({0, 4, 0, 15, 7, 1, 0, 0x20, 0, 0, 0, 0}));
   ASSERT_TRUE(laser_->Read().ok());
-  EXPECT_EQ(brick_.telegrams[6], Bytes({0, 6, 0}));
+  EXPECT_EQ(brick_.telegrams[7], Bytes({0, 6, 0}));
 }
 
 TEST_F(NxtLaserTest, SweepPassesItsStartAtSpeedWithThePlayTakenUp) {
@@ -207,6 +214,20 @@ TEST_F(NxtLaserTest, RefusesWhatTheUnitCannotDo) {
   }
   brick_.battery_mv = 6100;
   EXPECT_THAT(std::string(Message(laser_->Open())), HasSubstr("6.10 V"));
+}
+
+TEST_F(NxtLaserTest, ABrickOfAnotherProtocolIsRefused) {
+  brick_.protocol = 2;
+  EXPECT_THAT(std::string(Message(laser_->Open())),
+              HasSubstr("the brick speaks protocol 2.124 (firmware 1.31), 1 is spoken here"));
+}
+
+// Of packets that nobody asked for few are kept, and the next exchange goes on.
+TEST_F(NxtLaserTest, ADeviceThatNeverStopsTalkingFillsNoMemory) {
+  nxt_laser::NxtBrick brick(clock_, brick_);
+  for (int i = 0; i < 1000; ++i) brick_.Say(Bytes({2, 6, 0}));
+  EXPECT_EQ(brick.counts().unasked, 992u);
+  EXPECT_NEAR(brick.BatteryVolts().value(), 7.9, 1e-9);
 }
 
 TEST_F(NxtLaserTest, BrickThatIsOffIsNamedInTime) {

@@ -90,6 +90,9 @@ TEST_F(NxtBrickTest, BatteryAndKeepAlive) {
   // 600,000 ms = 0x000927C0.
   EXPECT_EQ(Ask(seconds(2), Bytes({0x00, 0x0D})),
             Bytes({0x02, 0x0D, 0x00, 0xC0, 0x27, 0x09, 0x00}));
+  EXPECT_EQ(Ask(seconds(3), Bytes({0x01, 0x88})), Bytes({0x02, 0x88, 0x00, 124, 1, 31, 1}));
+  EXPECT_EQ(Ask(seconds(4), Bytes({0x01, 0x88, 0})), Bytes({0x02, 0x88, 0xBF}));
+  EXPECT_EQ(Ask(seconds(5), Bytes({0x01, 0x9B})), Bytes({0x02, 0x9B, 0xBE})) << "not known here";
 }
 
 TEST_F(NxtBrickTest, AnswersSevenMillisecondsLater) {
@@ -175,7 +178,8 @@ TEST_F(NxtBrickTest, ErrorCodes) {
   EXPECT_EQ(status({0x00, 0x04, 0, 10, 7, 1, 0, 0x10, 0, 0, 0, 0}), 0xC0) << "ramp-up";
   EXPECT_EQ(status({0x00, 0x0A, 3, 0}), 0xC0);
   EXPECT_EQ(Ask(seconds(100), Bytes({0x00, 0x06, 3})).size(), 25u) << "an error and zeros";
-  EXPECT_EQ(status({0x01, 0x88}), -1) << "system commands are left unanswered";
+  EXPECT_EQ(status({0x01, 0x9B}), 0xBE) << "a system command that it does not know";
+  EXPECT_EQ(status({0x03, 0x88}), -1) << "another kind of telegram is left unanswered";
 }
 
 TEST_F(NxtBrickTest, SleepsAfterTenMinutes) {
