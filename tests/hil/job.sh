@@ -31,28 +31,24 @@ test_with() {
 test_with hil_bus_test 'SocketCan*' 'vcan0 (can-raw)'
 test_with hil_bus_test 'GpioLines*:GpioChips*' 'gpio-sim (character device)'
 
-# The simulated rig, and its axes on vcan0.
+# The simulated rig, its axes on vcan0 and its laser's brick on the kernel's virtual USB host.
 mkdir -p /tmp/rig
+{ cat /job/source/rigs/demo.toml; printf '[buses.usb]\nserial = "0016530A1B2C"\n'; } >/tmp/usb_rig.toml
 /job/bin/mesorig-sim run --rig /job/source/rigs/demo.toml --sample /job/source/rigs/samples/weave.toml \
   --runtime-dir /tmp/rig >>/job/simulator.txt 2>&1 &
 simulator=$!
 while [ ! -s /tmp/rig/mesorig-sim.endpoint ] && kill -0 $simulator 2>/dev/null; do sleep 0.2; done
-/job/bin/mesorig-sim bridge --runtime-dir /tmp/rig --can vcan0 >>/job/simulator.txt 2>&1 &
+/job/bin/mesorig-sim bridge --runtime-dir /tmp/rig --can vcan0 --usb 3240 --rig /tmp/usb_rig.toml \
+  >>/job/simulator.txt 2>&1 &
 bridge=$!
 sleep 1
 test_with hil_driver_test 'CanAxis*' 'vcan0 (can-raw)'
+test_with hil_driver_test 'UsbBrick*' 'vhci-hcd (libusb)'
 kill $bridge $simulator
 wait $bridge $simulator
 
 # mesorigd with its own simulator and bridges.
 test_with hil_rig_test '*' 'vcan0, gpio-sim, Modbus RTU on a pty'
-
-# Its laser's brick on the kernel's virtual USB host.
-{ cat /job/rig.toml; printf '[buses.usb]\nserial = "0016530A1B2C"\n'; } >/tmp/usb_rig.toml
-/job/bin/mesorig-sim bridge --runtime-dir /tmp/rig --usb 3240 --rig /tmp/usb_rig.toml \
-  >>/job/simulator.txt 2>&1 &
-sleep 1
-test_with hil_driver_test 'UsbBrick*' 'vhci-hcd (libusb)'
 
 [ -s /job/tests.tsv ] || failed=1
 echo $failed >/job/status
