@@ -31,28 +31,45 @@ std::string Level(int line) {
   return Shell(fmt::format("cat /sys/devices/platform/gpio-sim.*/gpiochip*/sim_gpio{}/value", line));
 }
 
+// One rig for all tests, as starting it takes the guest longer than what happens to it; a test that
+// failed leaves it to nobody, and one that took the daemon away has another one started.
 class RealRigTest : public ::testing::Test {
  protected:
-  void Start(const std::string& apart = "") {
-    rig_ = std::make_unique<RealRig>(files_, kBuses, apart);
+  static void SetUpTestSuite() { files_ = std::make_unique<RigFiles>(kBuses); }
+  static void TearDownTestSuite() {
+    rig_.reset();
+    files_.reset();
+  }
+  void SetUp() override {
+    if (rig_ == nullptr) {
+      rig_ = std::make_unique<RealRig>(*files_, kBuses, "modbus");
+    } else if (!rig_->daemon().Running()) {
+      rig_->StartDaemon();
+    }
+  }
+  void TearDown() override {
+    if (!HasFailure()) return;
+    std::printf("%s", rig_->AllLogs().c_str());
+    rig_.reset();
   }
   bool NothingIsOn() const {
     return AwaitRig(*rig_, [](const RigState& state) { return !state.AnythingOn(); });
   }
 
-  const RigFiles files_{kBuses};
-  std::unique_ptr<RealRig> rig_;
+  static std::unique_ptr<RigFiles> files_;
+  static std::unique_ptr<RealRig> rig_;
 };
+std::unique_ptr<RigFiles> RealRigTest::files_;
+std::unique_ptr<RealRig> RealRigTest::rig_;
 
 TEST_F(RealRigTest, CapturesAsOverTheSimulatorsWire) {
-  Start();
   std::string seen;
   std::thread witness([&] { seen = Shell("timeout 200 candump -L vcan0 | head -n 4000"); });
   ASSERT_TRUE(Eventually(hil::CandumpListens));
   EXPECT_THAT(Shell("gpioinfo rig-lines"),
               AllOf(HasSubstr("\"E-STOP\""), HasSubstr(fmt::format("\"mesorigd, process {}", rig_->daemon().pid()))));
   EXPECT_THAT(Shell("gpioget rig-lines 1"), HasSubstr("busy"));
-  const auto run = rig_->RunPlan(files_.plan());
+  const auto run = rig_->RunPlan(files_->plan());
   Shell("pkill candump");
   witness.join();
   EXPECT_EQ(run.value("complete", false), true) << rig_->AllLogs();
@@ -64,18 +81,17 @@ TEST_F(RealRigTest, CapturesAsOverTheSimulatorsWire) {
 // A second daemon is refused by the device's name; a Modbus client that is libmodbus and nothing of
 // ours has the line when the daemon has let go of it.
 TEST_F(RealRigTest, OneProcessHasTheBuses) {
-  Start();
   const TemporaryFolder other;
   std::filesystem::copy(rig_->folder() / "mesorig-sim.endpoint", other / "mesorig-sim.endpoint");
   const Outcome refused =
-      RunProgram("mesorigd", {"--rig", (files_.folder / "real.toml").string(), "--state-dir",
+      RunProgram("mesorigd", {"--rig", (files_->folder / "real.toml").string(), "--state-dir",
                               (other / "state").string(), "--runtime-dir", other.path().string()});
   EXPECT_NE(refused.code, 0);
   EXPECT_THAT(refused.text, AllOf(HasSubstr("vcan0"),
                                   HasSubstr(fmt::format("process {}", rig_->daemon().pid()))));
   ASSERT_EQ(rig_->daemon().End(SIGTERM), 0) << rig_->AllLogs();
   const std::unique_ptr<modbus_t, void (*)(modbus_t*)> client(
-      modbus_new_rtu(files_.tty().c_str(), 19200, 'E', 8, 1), &modbus_free);
+      modbus_new_rtu(files_->tty().c_str(), 19200, 'E', 8, 1), &modbus_free);
   modbus_set_slave(client.get(), 1);
   modbus_set_response_timeout(client.get(), 3, 0);
   ASSERT_EQ(modbus_connect(client.get()), 0) << modbus_strerror(errno);
@@ -93,7 +109,6 @@ TEST_F(RealRigTest, OneProcessHasTheBuses) {
 }
 
 TEST_F(RealRigTest, TheDoorOpensInACapture) {
-  Start();
   const auto run = rig_->BeginPlan();
   ASSERT_TRUE(AwaitRig(*rig_, LampAndTorque)) << run->Log() << rig_->AllLogs();
   EXPECT_EQ(Level(kDoor), "1\n");
@@ -109,7 +124,6 @@ TEST_F(RealRigTest, TheDoorOpensInACapture) {
 }
 
 TEST_F(RealRigTest, TheCanInterfaceGoesDownInACapture) {
-  Start();
   const auto run = rig_->BeginPlan();
   ASSERT_TRUE(AwaitRig(*rig_, LampAndTorque)) << run->Log() << rig_->AllLogs();
   Shell("ip link set vcan0 down");
@@ -119,7 +133,6 @@ TEST_F(RealRigTest, TheCanInterfaceGoesDownInACapture) {
 }
 
 TEST_F(RealRigTest, TheLampsLineHangsUpInACapture) {
-  Start("modbus");
   const auto run = rig_->BeginPlan();
   ASSERT_TRUE(AwaitRig(*rig_, LampAndTorque)) << run->Log() << rig_->AllLogs();
   rig_->Unplug();
@@ -131,7 +144,6 @@ TEST_F(RealRigTest, TheLampsLineHangsUpInACapture) {
 
 // Nobody is left to switch anything off: the gate is a one-shot, the bank and the drives have watches.
 TEST_F(RealRigTest, KilledWithEverythingOn) {
-  Start();
   const EverythingOnByHand everything(*rig_);
   ASSERT_TRUE(everything.on());
   ASSERT_EQ(rig_->Inject({"can", "turntable", "free"}).code, 0);  // leaves the time in the log
