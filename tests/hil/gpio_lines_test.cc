@@ -5,6 +5,9 @@
 #include <gmock/gmock.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <fstream>
+#include <thread>
 #include <vector>
 
 #include "daemon/bus/gpio_line_port.h"
@@ -114,6 +117,46 @@ TEST_F(GpioLines, AnOutputIsSeenByTheKernel) {
   EXPECT_THAT(Shell("cat " + SysfsOf(kTrigger, "value")), HasSubstr("1"));
   ASSERT_EQ(port_->Write(kTrigger, false), OkStatus());
   EXPECT_THAT(Shell("cat " + SysfsOf(kTrigger, "value")), HasSubstr("0"));
+}
+
+// A one-shot sees microseconds; who looks now and then, 20 ms.
+TEST_F(GpioLines, AShortPulseIsLongEnoughToBeSeen) {
+  std::atomic<int> high{0};
+  std::atomic<bool> ending{false};
+  std::thread sampler([&] {
+    while (!ending) {
+      char value = '0';
+      std::ifstream(SysfsOf(kTrigger, "value")) >> value;
+      if (value == '1') ++high;
+    }
+  });
+  for (int pulses = 0; pulses < 5 && !HasFailure(); ++pulses) {
+    const int before = high;
+    EXPECT_EQ(port_->Write(kTrigger, true), OkStatus());
+    EXPECT_EQ(port_->Write(kTrigger, false), OkStatus());
+    EXPECT_TRUE(Eventually([&] { return high > before; })) << pulses;
+    EXPECT_TRUE(Eventually([&] { return !Level(kTrigger); })) << pulses;
+  }
+  ending = true;
+  sampler.join();
+}
+
+TEST_F(GpioLines, AreFoundByTheirName) {
+  port_.reset();
+  GpioLineOptions options;
+  options.chip = kLabel;
+  options.inputs = {kEstop, 7};
+  options.names = {{7, "DOOR"}};
+  auto port = GpioLinePort::Open(clock_, options);
+  ASSERT_TRUE(port.ok()) << port.status();
+  EXPECT_TRUE((*port)->Read(7).value()) << "line 7 has no pull";
+  Pull(kDoor, false);
+  EXPECT_FALSE((*port)->Read(7).value());
+  port->reset();
+  options.names = {{7, "TRAPDOOR"}};
+  const Status none = GpioLinePort::Open(clock_, options).status();
+  EXPECT_TRUE(absl::IsNotFound(none));
+  EXPECT_THAT(std::string(Message(none)), HasSubstr("TRAPDOOR"));
 }
 
 TEST_F(GpioLines, TheKernelGivesALineToOneProcess) {

@@ -100,6 +100,21 @@ TEST_F(ModbusLampsTest, SlavesExceptionIsTold) {
   EXPECT_EQ(lamps_->Open(), OkStatus()) << "the connection is good";
 }
 
+TEST_F(ModbusLampsTest, ABusOfTheRigFileOverTcpIsOneProcesss) {
+  Buses::Modbus where;
+  where.tcp = end_.modbus->endpoint();
+  ModbusBusOptions options;
+  options.unit = rig_.lamp_bank.unit;
+  auto bus = ModbusBus::Open(*end_.link, where, options);
+  ASSERT_TRUE(bus.ok()) << bus.status();
+  EXPECT_EQ((*bus)->WriteCoils(0, {1, 0, 0}), OkStatus());
+  EXPECT_THAT(Commanded(), ElementsAre(1, 0));
+  const Status second = ModbusBus::Open(*end_.link, where, options).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(second));
+  EXPECT_THAT(std::string(Message(second)),
+              HasSubstr(fmt::format("tcp:{} is in use by process {}", where.tcp, ::getpid())));
+}
+
 TEST_F(ModbusLampsTest, BadEndpointsAreRefused) {
   for (const char* endpoint : {"", "127.0.0.1", "127.0.0.1:", ":502", "127.0.0.1:70000", "a:b:c"}) {
     EXPECT_TRUE(absl::IsInvalidArgument(ModbusBus::Connect(*end_.link, endpoint, {}).status()))
