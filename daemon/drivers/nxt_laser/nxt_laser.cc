@@ -22,6 +22,11 @@ constexpr double kTravelMargin_s = 3;
 constexpr RigTime kPoll = std::chrono::milliseconds(20);
 constexpr RigTime kKeepAlivePeriod = std::chrono::seconds(60);
 
+// What the tacho read when the rotation was 0. (Any two counts: it may be out of their range.)
+int64_t ZeroOf(const OutputState& output) {
+  return int64_t{output.tacho_deg} - int64_t{output.rotation_deg};
+}
+
 // Of one rig thread. Borrows clock, port and flag.
 class NxtLaser final : public LineLaser {
  public:
@@ -61,7 +66,7 @@ class NxtLaser final : public LineLaser {
   NxtBrick brick_;
   double sweep_sign_ = 1;
   // Tacho less rotation at MarkZero: the brick keeps it as long as it is on.
-  std::optional<int32_t> zero_tacho_deg_;
+  std::optional<int64_t> zero_tacho_deg_;
   RigTime keep_alive_due_{};
 };
 
@@ -88,14 +93,14 @@ Status NxtLaser::MarkZero() {
   zero_tacho_deg_.reset();
   MESORIG_RETURN_IF_ERROR(Named(brick_.ResetPosition(laser_.motor_port)));
   MESORIG_ASSIGN_OR_RETURN(const OutputState output, GetOutput());
-  zero_tacho_deg_ = output.tacho_deg - output.rotation_deg;
+  zero_tacho_deg_ = ZeroOf(output);
   return OkStatus();
 }
 
 StatusOr<OutputState> NxtLaser::GetOutput() {
   const auto output = brick_.GetOutput(laser_.motor_port);
   if (!output.ok()) return Named(output.status());
-  if (zero_tacho_deg_ && output->tacho_deg - output->rotation_deg != *zero_tacho_deg_) {
+  if (zero_tacho_deg_ && ZeroOf(*output) != *zero_tacho_deg_) {
     return Unavailable("laser {}: its zero is lost, the brick was off since it was marked",
                        laser_.name);
   }
