@@ -55,9 +55,9 @@ inline bool LampAndTorque(const RigState& state) {
   return IsOn(state, "lamp ") && IsOn(state, "torque ");
 }
 
-// The rig's own log, until `what` holds or for 20 s of host time.
+// The rig's own log, until `what` holds or for a minute of host time.
 inline bool AwaitRig(const RunningRig& rig, const std::function<bool(const RigState&)>& what) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
   while (!what(ReadRig(rig))) {
     if (std::chrono::steady_clock::now() > end) return false;
     PollPause();

@@ -48,7 +48,7 @@ kill $bridge $simulator
 wait $bridge $simulator
 
 # mesorigd with its own simulator and bridges.
-test_with hil_rig_test '*' 'vcan0, gpio-sim, Modbus RTU on a pty'
+test_with hil_rig_test '*' 'vcan0, gpio-sim, Modbus RTU on a pty, vhci-hcd'
 
 [ -s /job/tests.tsv ] || failed=1
 echo $failed >/job/status

@@ -32,21 +32,24 @@ inline std::string Changed(const std::string& file,
   return text;
 }
 
-// The tiny rig with faster axes, and cameras that may begin late: what is simulated lives beside the
-// real buses, in an emulated machine. Its plan and sample are smaller for the same reason.
+// The tiny rig with faster axes, and with cameras that may begin late and watches that have patience:
+// what is simulated lives beside the real buses, in an emulated machine. Its plan and sample are smaller for the same reason.
 struct RigFiles {
-  // buses: those of "can", "gpio", "modbus" that real.toml names.
+  // buses: those of "can", "gpio", "modbus", "usb" that real.toml names.
   explicit RigFiles(const std::set<std::string>& buses) {
     const std::string rig = Changed("/tests/end_to_end/tiny_rig.toml",
                                     {{"homing_velocity_deg_s", "homing_velocity_deg_s = 90"},
                                      {"max_velocity_deg_s", "max_velocity_deg_s = 180"},
                                      {"acceleration_deg_s2", "acceleration_deg_s2 = 720"},
+                                     {"timeout_s", "timeout_s = 3"},
+                                     {"heartbeat_s", "heartbeat_s = 1"},
                                      {"readout_s", "readout_s = 0.05\ntrigger_latency_s = 0.2"}});
     const std::map<std::string, std::string> named = {
         {"can", "[buses.can]\ninterface = \"vcan0\"\n"},
         {"gpio", "[buses.gpio]\nchip = \"rig-lines\"\n[buses.gpio.names]\nestop = \"E-STOP\"\n"
                  "laser_trigger = \"LASER-GATE\"\n"},
-        {"modbus", "[buses.modbus]\nrtu = \"" + tty() + "\"\n"}};
+        {"modbus", "[buses.modbus]\nrtu = \"" + tty() + "\"\n"},
+        {"usb", "[buses.usb]\nserial = \"0016530A1B2C\"\n"}};
     std::string real = rig;
     for (const std::string& bus : buses) real += named.at(bus);
     Write("local.toml", rig);
@@ -92,16 +95,16 @@ class RealRig : public RunningRig {
     together.erase(apart);
     if (!together.empty()) bridge_ = StartBridge(together);
     if (!apart.empty()) apart_ = StartBridge({apart});
+    if (buses.contains("usb")) hil::Shell("usbip attach -r 127.0.0.1 -b 1-1");
     StartDaemon();
   }
   std::unique_ptr<Service> StartBridge(const std::set<std::string>& buses) const {
     static int count = 0;
     std::vector<std::string> words = {"bridge", "--runtime-dir", folder().path().string()};
-    for (const std::string& bus : buses) {
-      const std::string where = bus == "can" ? "vcan0" : bus == "modbus" ? files_.tty() : "rig-lines";
-      words.insert(words.end(), {"--" + bus, where});
-    }
-    if (buses.contains("gpio")) {
+    const std::map<std::string, std::string> where = {
+        {"can", "vcan0"}, {"gpio", "rig-lines"}, {"modbus", files_.tty()}, {"usb", "3240"}};
+    for (const std::string& bus : buses) words.insert(words.end(), {"--" + bus, where.at(bus)});
+    if (buses.contains("gpio") || buses.contains("usb")) {
       words.insert(words.end(), {"--rig", (files_.folder / "real.toml").string()});
     }
     auto bridge = std::make_unique<Service>(

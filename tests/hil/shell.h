@@ -27,9 +27,9 @@ inline std::string Shell(const std::string& command) {
   return text;
 }
 
-// Waits for what another process does. False after thirty seconds: the guest is slow.
+// Waits for what another process does. False after two minutes: the guest is slow.
 inline bool Eventually(const std::function<bool()>& happened) {
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(120);
   while (!happened()) {
     if (std::chrono::steady_clock::now() > deadline) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
