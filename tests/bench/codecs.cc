@@ -26,7 +26,7 @@ namespace {
 
 struct Options {
   std::filesystem::path dir, json_path;
-  std::vector<std::string> only = {"decode", "svd", "file", "stream"};
+  std::vector<std::string> only = {"decode", "svd", "file", "threads", "stream"};
 };
 
 Status Run(const Options& options) {
@@ -45,6 +45,7 @@ Status Run(const Options& options) {
   MESORIG_RETURN_IF_ERROR(measure("decode", [] { return DecodeRates(); }));
   MESORIG_RETURN_IF_ERROR(measure("svd", [&] { return SvdBesideScikit(options.dir); }));
   MESORIG_RETURN_IF_ERROR(measure("file", [&] { return EncodeFromFile(options.dir); }));
+  MESORIG_RETURN_IF_ERROR(measure("threads", [] { return ThreadsOfEncoders(); }));
   MESORIG_RETURN_IF_ERROR(measure("stream", [&] { return PeaksOfStreams(options.dir); }));
   return WriteFileAtomically(options.json_path, result.dump(2) + "\n");
 }
@@ -58,6 +59,6 @@ int main(int argc, char** argv) {
   bench::Options options;
   app.add_option("--dir", options.dir, "for files of up to a gigabyte, removed again")->required();
   app.add_option("--json", options.json_path, "figures")->required();
-  app.add_option("--only", options.only, "decode, svd, file, stream");
+  app.add_option("--only", options.only, "decode, svd, file, threads, stream");
   return RunProgram(app, "bench_codecs", argc, argv, [&] { return bench::Run(options); });
 }

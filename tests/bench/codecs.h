@@ -29,6 +29,9 @@ StatusOr<nlohmann::json> EncodeFromFile(const std::filesystem::path& dir);
 // Every codec of the same file by strips, and the most memory that it holds.
 StatusOr<nlohmann::json> PeaksOfStreams(const std::filesystem::path& dir);
 
+// Every codec of 32 x 32 x 48 x 48 on one thread and on two, taking turns.
+StatusOr<nlohmann::json> ThreadsOfEncoders();
+
 inline double Seconds(const std::function<void()>& work) {
   const auto start = std::chrono::steady_clock::now();
   work();

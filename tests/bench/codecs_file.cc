@@ -1,3 +1,6 @@
+#include <array>
+#include <cmath>
+
 #include "processing/codecs/algebra/threads.h"
 #include "processing/codecs/bench.h"
 #include "processing/codecs/encoder.h"
@@ -8,13 +11,14 @@ namespace mesorig::bench {
 namespace {
 
 constexpr int kSide = 128, kDirections = 96, kRounds = 2;
+constexpr int kSmallSide = 32, kFewDirections = 48, kThreadRounds = 3;
 
 // Something with a lobe, cheap to compute, and noise, so that it does not pack into nothing.
-btf::SampledBtf Example() {
+btf::SampledBtf Example(int side = kSide, int directions = kDirections) {
   btf::BtfHeader h;
-  h.width = h.height = kSide;
+  h.width = h.height = side;
   h.pitch_mm = 0.1;
-  h.views = h.lights = Directions(kDirections);
+  h.views = h.lights = Directions(directions);
   btf::SampledBtf btf(h);
   std::vector<float> texture(btf.image_size()), noise(1 << 16);
   uint32_t state = 1;
@@ -105,6 +109,27 @@ StatusOr<nlohmann::json> PeaksOfStreams(const std::filesystem::path& dir) {
     json[name + "_factors_mb"] = 1e-6 * FactorBytes(**encoded);
   }
   std::filesystem::remove(file);
+  return json;
+}
+
+StatusOr<nlohmann::json> ThreadsOfEncoders() {
+  const btf::SampledBtf btf = Example(kSmallSide, kFewDirections);
+  nlohmann::json json;
+  for (const codecs::Encoder* encoder : codecs::AllEncoders()) {
+    std::array<double, 2> seconds = {1e9, 1e9}, errors{};
+    for (int round = 0; round < 2 * kThreadRounds; ++round) {  // taking turns
+      const auto turn = static_cast<size_t>(round % 2);
+      codecs::algebra::SetThreads(round % 2 + 1);
+      StatusOr<std::unique_ptr<codecs::EncodedBtf>> encoded = InvalidArgument("not encoded");
+      seconds[turn] = std::min(seconds[turn], Seconds([&] { encoded = encoder->Encode(btf, {}); }));
+      MESORIG_RETURN_IF_ERROR(encoded.status());
+      errors[turn] = codecs::MeasureDecoded(**encoded, btf).rel_error;
+    }
+    const std::string name(encoder->name());
+    json[name + "_one_thread_s"] = seconds[0];
+    json[name + "_two_threads_times_faster"] = seconds[0] / seconds[1];
+    json[name + "_error_differs_by"] = std::abs(errors[0] - errors[1]);
+  }
   return json;
 }
 
