@@ -37,7 +37,7 @@ Status Run(const Options& options) {
     }
     MESORIG_ASSIGN_OR_RETURN(result[name], function());
     for (const auto& [key, value] : result[name].items()) {
-      std::printf("%-7s%-40s %10.4g\n", name.c_str(), key.c_str(), value.template get<double>());
+      std::printf("%-8s%-40s %10.4g\n", name.c_str(), key.c_str(), value.template get<double>());
     }
     std::fflush(stdout);
     return OkStatus();
