@@ -4,29 +4,10 @@
 #include <chrono>
 #include <cmath>
 
+#include "processing/codecs/space_filter.h"
+
 namespace mesorig::renderer {
 namespace {
-
-int Wrapped(double index, int size) {
-  return static_cast<int>(index - std::floor(index / size) * size) % size;
-}
-
-// Value at texture coordinates, bilinear between texel centres (OpenGL 4.5, 8.14.2).
-std::array<double, 3> Bilinear(const BtfSource& source, double u, double v, Vec3 view, Vec3 light) {
-  const btf::BtfHeader& header = source.header();
-  const double x = u * header.width - 0.5, y = v * header.height - 0.5;
-  const double x0 = std::floor(x), y0 = std::floor(y);
-  std::array<double, 3> sum{};
-  for (int j = 0; j < 2; ++j) {
-    for (int i = 0; i < 2; ++i) {
-      const double weight = (i == 0 ? 1 - (x - x0) : x - x0) * (j == 0 ? 1 - (y - y0) : y - y0);
-      const auto value = source.Evaluate(Wrapped(x0 + i, header.width),
-                                         Wrapped(y0 + j, header.height), view, light);
-      for (size_t c = 0; c < 3; ++c) sum[c] += weight * value[c];
-    }
-  }
-  return sum;
-}
 
 double Component(Vec3 v, size_t c) { return c == 0 ? v.x : c == 1 ? v.y : v.z; }
 
@@ -40,7 +21,11 @@ std::array<double, 3> CpuRadiance(const Scene& scene, const BtfSource& source,
     const Vec3 l = {Dot(light.direction, fragment.tangent), Dot(light.direction, bitangent),
                     Dot(light.direction, fragment.normal)};
     if (l.z <= 0) continue;
-    const auto value = Bilinear(source, fragment.u, fragment.v, fragment.view, l);
+    const btf::BtfHeader& header = source.header();
+    const auto value = codecs::FilteredInSpace(
+        header.width, header.height,
+        [&](int x, int y) { return source.Evaluate(x, y, fragment.view, l); }, fragment.u,
+        fragment.v, 0);
     for (size_t c = 0; c < 3; ++c) {
       radiance[c] +=
           scene.image.exposure * Component(light.irradiance, c) * std::max(value[c], 0.0);
