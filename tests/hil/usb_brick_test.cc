@@ -20,16 +20,16 @@ using ::testing::HasSubstr;
 const UsbKind kBrick{"NXT brick", 0x0694, 0x0002, 0x01, 0x82};
 constexpr char kSerial[] = "0016530A1B2C";  // as job.sh has it
 
+bool IsListed() { return Shell("lsusb -d 0694:0002").find("0694") != std::string::npos; }
+
 void Plug() {
   Shell("usbip attach -r 127.0.0.1 -b 1-1");
-  EXPECT_TRUE(
-      Eventually([] { return Shell("lsusb -d 0694:0002").find("0694") != std::string::npos; }));
+  EXPECT_TRUE(Eventually(IsListed));
 }
 
 void Unplug() {
   Shell("usbip detach -p 0");
-  EXPECT_TRUE(
-      Eventually([] { return Shell("lsusb -d 0694:0002").find("0694") == std::string::npos; }));
+  EXPECT_TRUE(Eventually([] { return !IsListed(); }));
 }
 
 class UsbBrick : public ::testing::Test {
